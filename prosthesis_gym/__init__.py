@@ -1,0 +1,24 @@
+"""Train and stress-test knee-prosthesis controllers in closed loop with a simulated walking human.
+
+Importing the package registers its environments with Gymnasium:
+
+>>> import gymnasium, prosthesis_gym
+>>> env = gymnasium.make("prosthesis_gym/DamperKnee-v0")
+>>> envs = gymnasium.make_vec("prosthesis_gym/DamperKnee-v0", num_envs=1024)
+"""
+
+from importlib.metadata import version
+
+from gymnasium.envs.registration import register
+
+from prosthesis_gym.env import DamperKneeEnv
+from prosthesis_gym.vector_env import DamperKneeVectorEnv
+
+__version__ = version("prosthesis-gym")
+__all__ = ["DamperKneeEnv", "DamperKneeVectorEnv"]
+
+register(
+    id="prosthesis_gym/DamperKnee-v0",
+    entry_point="prosthesis_gym.env:DamperKneeEnv",
+    vector_entry_point="prosthesis_gym.vector_env:DamperKneeVectorEnv",
+)

@@ -1,0 +1,91 @@
+"""Configuration: TOML and dictionaries in, one nested dictionary out. The schema itself lives in the Rust core."""
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from prosthesis_gym import _core
+
+Config = dict[str, Any]
+
+REFERENCE_SOLVER: Config = {"solver": {"stepper": "rk4", "steps": 50}}
+"""The converged reference stepper: RK4 at 0.1 ms with located events."""
+
+
+def load_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
+    """Read a configuration and check it against the schema.
+
+    Args:
+        source: path of a TOML file, a nested mapping, or None for the defaults. Missing keys take their defaults.
+
+    Returns:
+        The configuration as given (not filled up; see `resolve`), as a fresh nested dictionary.
+
+    Raises:
+        ValueError: the file is not TOML, a key is unknown, or a value lies outside its range.
+        FileNotFoundError: there is no such file.
+
+    """
+    if source is None:
+        return {}
+    if isinstance(source, Mapping):
+        config = merge({}, source)
+    else:
+        try:
+            config = tomllib.loads(Path(source).read_text(encoding="utf-8"))
+        except tomllib.TOMLDecodeError as error:
+            raise ValueError(f"{source}: {error}") from error
+    resolve(config)
+    return config
+
+
+def resolve(config: Mapping[str, Any]) -> Config:
+    """Return the complete, validated configuration that a partial one stands for.
+
+    Raises:
+        ValueError: names the key, its value and what is allowed.
+
+    """
+    return _core.resolve(config)
+
+
+def merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> Config:
+    """Return `base` with the entries of `override` in their place, section by section. Neither argument is changed."""
+    merged: Config = {key: merge({}, value) if isinstance(value, Mapping) else value for key, value in base.items()}
+    for key, value in override.items():
+        if isinstance(value, Mapping):
+            section = merged.get(key)
+            merged[key] = merge(section if isinstance(section, Mapping) else {}, value)
+        else:
+            merged[key] = value
+    return merged
+
+
+def apply_settings(config: Mapping[str, Any], settings: Iterable[str]) -> Config:
+    """Return `config` with `section.key=value` settings applied.
+
+    Values are read as TOML (`1.5`, `true`, `[0.8, 1.5]`); what is not TOML is taken as a bare word.
+
+    Raises:
+        ValueError: a setting is not of the form `section.key=value`.
+
+    """
+    merged = merge({}, config)
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        *sections, key = path.strip().split(".")
+        if not (equals and key and all(sections)):
+            raise ValueError(f"setting {setting!r} must have the form section.key=value")
+        override: Config = {key: _toml_value(text.strip())}
+        for section in reversed(sections):
+            override = {section: override}
+        merged = merge(merged, override)
+    return merged
+
+
+def _toml_value(text: str) -> Any:  # noqa: ANN401 - a TOML value is of any type
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text

@@ -1,0 +1,204 @@
+"""Native vector environment: thousands of walkers in one call of the Rust core."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from prosthesis_gym import _core
+from prosthesis_gym.config import Config, load_config, merge, resolve
+
+CONTROL_PERIOD_S = 0.005
+"""Control period of the prosthesis (200 Hz). One env step advances `action.hold` of them."""
+
+Observations = NDArray[np.float32]
+
+_AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] = {
+    AutoresetMode.NEXT_STEP: "next_step",
+    AutoresetMode.SAME_STEP: "same_step",
+    AutoresetMode.DISABLED: "disabled",
+}
+
+
+def spaces(config: Mapping[str, Any]) -> tuple[Box, Box]:
+    """Return observation and action space of one environment with the given complete configuration.
+
+    The observation is `observation.frames` frames of the sensors in `_core.CHANNELS`, newest first, float32, SI units.
+    The action is one number in [-1, 1]; what it means is `action.mode`.
+    """
+    frames = config["observation"]["frames"]
+    low = np.tile(np.array([channel[1] for channel in _core.CHANNELS], dtype=np.float32), frames)
+    high = np.tile(np.array([channel[2] for channel in _core.CHANNELS], dtype=np.float32), frames)
+    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (1,), dtype=np.float32)
+
+
+def episode_limit(config: Mapping[str, Any], max_episode_steps: int | None) -> Config:
+    """Return `config` with its episode length replaced by a number of env steps, if one is given."""
+    if max_episode_steps is None:
+        return dict(config)
+    if max_episode_steps < 1:
+        raise ValueError(f"max_episode_steps = {max_episode_steps} must be at least 1")
+    duration = max_episode_steps * resolve(config)["action"]["hold"] * CONTROL_PERIOD_S
+    return merge(config, {"scenario": {"duration_s": duration}})
+
+
+def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return actions as a flat float64 array.
+
+    Raises:
+        ValueError: wrong shape, not floating point, or not finite.
+
+    """
+    array = np.asarray(actions)
+    if array.dtype.kind != "f":
+        raise ValueError(f"actions have dtype {array.dtype}, must be float32 or float64")
+    if array.shape != shape:
+        raise ValueError(f"actions have shape {array.shape}, must be {shape}")
+    if not np.isfinite(array).all():
+        index = int(np.flatnonzero(~np.isfinite(array).reshape(-1))[0])
+        raise ValueError(f"actions[{index}] = {array.reshape(-1)[index]} must be a finite number in [-1, 1]")
+    return array.astype(np.float64).reshape(-1)
+
+
+class DamperKneeVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDArray[Any]]):
+    """N walkers with a variable-damping knee, stepped together at 200 Hz.
+
+    Environment i, seeded with s, gives bit for bit the trajectory of a single environment seeded with s, whatever N and
+    the number of threads. `reset(seed=s)` seeds environment i with s + i.
+
+    Infos of a step: `reward_terms` (name -> (N,) float64, the unweighted terms) and `termination_reason` ((N,) uint8,
+    index into `_core.REASONS`); with `AutoresetMode.SAME_STEP` also `final_obs` and `final_info`, as in Gymnasium.
+
+    Args:
+        num_envs: number of walkers.
+        config: TOML file, nested mapping or None for the defaults.
+        autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
+        threads: worker threads; None takes all cores. Results do not depend on it.
+        max_episode_steps: replaces `scenario.duration_s`, in env steps.
+        render_mode: must be None; there is no renderer yet.
+
+    Raises:
+        ValueError: impossible configuration or arguments; names key, value and range.
+
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        config: str | Path | Mapping[str, Any] | None = None,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        max_episode_steps: int | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if render_mode is not None:
+            raise ValueError(f"render_mode = {render_mode!r} must be None")
+        self.config = resolve(episode_limit(load_config(config), max_episode_steps))
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.batch = _core.Batch(num_envs, self.config, _AUTORESET[self.autoreset_mode], threads)
+        self.num_envs = num_envs
+        self.render_mode = None
+        self.single_observation_space, self.single_action_space = spaces(self.config)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.metadata = {
+            "render_modes": [],
+            "render_fps": round(1.0 / (CONTROL_PERIOD_S * self.config["action"]["hold"])),
+            "autoreset_mode": self.autoreset_mode,
+        }
+        self._seeded = False
+        self._all = np.ones(num_envs, dtype=np.bool_)
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Reset all environments, or those in `options["reset_mask"]` ((N,) bool).
+
+        Args:
+            seed: s seeds environment i with s + i; a list seeds each; None goes on to the next episode of each.
+            options: `reset_mask` is the only option.
+
+        Returns:
+            Observations (N, frames * channels) float32 and an empty info.
+
+        """
+        options = dict(options or {})
+        mask = self._reset_mask(options.pop("reset_mask", None))
+        if options:
+            raise ValueError(f"unknown reset option {next(iter(options))!r}; the only one is 'reset_mask'")
+        if isinstance(seed, int | np.integer):
+            super().reset(seed=int(seed))
+        seeds = self._seeds(seed)
+        if seeds is not None:
+            self._seeded = True
+        return self.batch.reset(seeds, mask), {}
+
+    def _reset_mask(self, mask: object) -> NDArray[np.bool_]:
+        if mask is None:
+            return self._all
+        array = np.asarray(mask)
+        if array.dtype != np.bool_ or array.shape != (self.num_envs,):
+            raise ValueError(
+                f"reset_mask has dtype {array.dtype} and shape {array.shape}, must be bool and ({self.num_envs},)"
+            )
+        if not array.any():
+            raise ValueError("reset_mask selects no environment")
+        return array
+
+    def _seeds(self, seed: int | list[int | None] | None) -> NDArray[np.uint64] | None:
+        if seed is None and self._seeded:
+            return None
+        fresh = self.np_random.integers(2**63, size=self.num_envs, dtype=np.uint64)
+        if seed is None:
+            return fresh
+        if isinstance(seed, int | np.integer):
+            if seed < 0:
+                raise ValueError(f"seed = {seed} must not be negative")
+            return np.uint64(seed) + np.arange(self.num_envs, dtype=np.uint64)
+        if len(seed) != self.num_envs:
+            raise ValueError(f"seed has {len(seed)} entries, must have one per environment: {self.num_envs}")
+        negative = [one for one in seed if one is not None and one < 0]
+        if negative:
+            raise ValueError(f"seed = {negative[0]} must not be negative")
+        return np.array([fresh[i] if one is None else one for i, one in enumerate(seed)], dtype=np.uint64)
+
+    def step(
+        self, actions: NDArray[np.floating[Any]]
+    ) -> tuple[Observations, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Advance all environments by one action of `action.hold` control periods.
+
+        Args:
+            actions: (N, 1) float32 or float64, limited to [-1, 1].
+
+        Returns:
+            Observations (N, frames * channels) float32, rewards (N,) float64, terminated and truncated (N,) bool,
+            infos.
+
+        Raises:
+            ValueError: wrong shape or dtype, NaN, or (autoreset disabled) an environment that has ended.
+
+        """
+        flat = check_actions(actions, (self.num_envs, 1))
+        observations, rewards, terminated, truncated, terms, reasons, finals, started = self.batch.step(flat)
+        infos: dict[str, Any] = {
+            "reward_terms": {name: terms[:, i] for i, name in enumerate(_core.TERMS)},
+            "_reward_terms": self._all,
+            "termination_reason": reasons,
+            "_termination_reason": self._all,
+        }
+        if finals is not None and started.any():
+            infos = self._same_step_infos(infos, finals, started)
+        return observations, rewards, terminated, truncated, infos
+
+    def _same_step_infos(self, infos: dict[str, Any], finals: Observations, ended: NDArray[np.bool_]) -> dict[str, Any]:
+        """Hand out the last observation and info of episodes that ended, laid out as `SyncVectorEnv` does."""
+        final_obs = np.full(self.num_envs, None, dtype=object)
+        for index in np.flatnonzero(ended):
+            final_obs[index] = finals[index]
+        return infos | {"final_obs": final_obs, "_final_obs": ended, "final_info": infos, "_final_info": ended}

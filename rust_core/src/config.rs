@@ -1,0 +1,152 @@
+//! The configuration tree: collects the blocks' parameters, which stand beside their equations.
+
+use serde::{Deserialize, Serialize};
+
+use crate::compliant_ground::GroundParams;
+use crate::error::{Error, Result};
+use crate::human_controller::HumanParams;
+use crate::hybrid_dynamics::walker::BodyParams;
+use crate::integrator::Stepper;
+use crate::params::{ParameterDoc, within};
+use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};
+use crate::prosthesis_controller::damper_fsm::DamperFsmParams;
+use crate::prosthesis_device::end_stop::EndStopParams;
+use crate::prosthesis_device::passive_ankle::AnkleParams;
+use crate::prosthesis_device::variable_damper::VariableDamperParams;
+use crate::reward::RewardParams;
+use crate::scenario::ScenarioParams;
+use crate::sensors::SensorParams;
+use crate::termination::TerminationParams;
+
+/// Which stepper advances the continuous system, and in how many steps per control period.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct SolverParams {
+    /// One-step method.
+    pub stepper: Stepper,
+    /// Steps per 5 ms control period.
+    pub steps: usize,
+}
+
+impl Default for SolverParams {
+    fn default() -> Self {
+        Self { stepper: Stepper::LinearlyImplicitEuler, steps: 5 }
+    }
+}
+
+impl SolverParams {
+    /// The converged reference: RK4 at 0.1 ms with located events.
+    pub const REFERENCE: Self = Self { stepper: Stepper::Rk4, steps: 50 };
+
+    fn table(path: &str) -> Vec<ParameterDoc> {
+        let defaults = Self::default();
+        let row = |field: &str, default: String, range: &str, doc: &str| ParameterDoc {
+            key: format!("{path}.{field}"),
+            default,
+            unit: "",
+            range: range.to_owned(),
+            doc: doc.to_owned(),
+        };
+        let steppers = "linearly_implicit_euler | rk4";
+        vec![
+            row(
+                "stepper",
+                "linearly_implicit_euler".into(),
+                steppers,
+                "One-step method; rk4 with 50 steps is the reference.",
+            ),
+            row("steps", defaults.steps.to_string(), "[1, 10000], rk4 [20, 10000]", "Steps per 5 ms control period."),
+        ]
+    }
+
+    fn validate(&self, path: &str) -> Result<()> {
+        // Explicit steps diverge on the contact damping above about 0.3 ms.
+        let fewest = if self.stepper == Stepper::Rk4 { 20.0 } else { 1.0 };
+        within(fewest, 10_000.0).check(&format!("{path}.steps"), self.steps as f64, "")
+    }
+}
+
+macro_rules! tree {
+    ($(#[$meta:meta])* pub struct $Name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)+ }) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $Name { $($(#[$field_meta])* pub $field: $kind,)+ }
+
+        impl $Name {
+            /// Every parameter with default, unit, range and meaning.
+            pub fn table() -> Vec<ParameterDoc> {
+                [$(<$kind>::table(stringify!($field))),+].concat()
+            }
+
+            fn validate_sections(&self) -> Result<()> {
+                $(self.$field.validate(stringify!($field))?;)+
+                Ok(())
+            }
+        }
+    };
+}
+
+tree! {
+    /// Everything that can be configured: the walker's closed loop, then the episode around it.
+    pub struct Config {
+        /// Segments.
+        body: BodyParams,
+        /// Ground.
+        ground: GroundParams,
+        /// Human controller.
+        human: HumanParams,
+        /// Knee unit.
+        knee: VariableDamperParams,
+        /// End stops of the knee.
+        end_stop: EndStopParams,
+        /// Ankle.
+        ankle: AnkleParams,
+        /// Sensors.
+        sensors: SensorParams,
+        /// Reference controller.
+        state_machine: DamperFsmParams,
+        /// Integration.
+        solver: SolverParams,
+        /// What happens in an episode.
+        scenario: ScenarioParams,
+        /// What ends an episode early.
+        termination: TerminationParams,
+        /// What the agent sets.
+        action: ActionParams,
+        /// What the agent sees.
+        observation: ObservationParams,
+        /// What the agent is rewarded for.
+        reward: RewardParams,
+    }
+}
+
+impl Config {
+    /// Reads a configuration; missing keys take their defaults, unknown keys and impossible values are errors.
+    pub fn from_deserializer<'de, D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self> {
+        let config: Self = serde_path_to_error::deserialize(deserializer)
+            .map_err(|error| Error::Schema { key: error.path().to_string(), reason: error.inner().to_string() })?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// Checks every value against its range, and those that must fit together.
+    pub fn validate(&self) -> Result<()> {
+        self.validate_sections()?;
+        let (stop, body) = (&self.end_stop, &self.body);
+        if stop.extension_angle_deg + stop.thickness_deg >= stop.flexion_angle_deg {
+            return Err(Error::Invalid(format!(
+                "end_stop.flexion_angle_deg = {} must lie above end_stop.extension_angle_deg + end_stop.thickness_deg = {}",
+                stop.flexion_angle_deg,
+                stop.extension_angle_deg + stop.thickness_deg
+            )));
+        }
+        if body.ball_x_m <= body.heel_x_m {
+            return Err(Error::Invalid(format!(
+                "body.ball_x_m = {} must lie ahead of body.heel_x_m = {}",
+                body.ball_x_m, body.heel_x_m
+            )));
+        }
+        Ok(())
+    }
+}

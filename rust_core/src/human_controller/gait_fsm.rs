@@ -1,0 +1,303 @@
+//! State machine of the human (Figure 3): guards as thresholds, resets as one function per walker.
+
+use crate::human_controller::{Drive, Human, HumanParams, slip_leg};
+use crate::lanes::lanes;
+use crate::signals::GRAVITY;
+
+/// What the residual leg is doing (ReStand, ReStepStart, ...).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum ResidualState {
+    /// Standing on both legs.
+    #[default]
+    Stand,
+    /// First step from standing.
+    StepStart,
+    /// Cyclic step.
+    StepCycle,
+    /// Last step.
+    StepStop,
+}
+
+/// What the intact leg is doing (HeSwing, HeStance, ...).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum IntactState {
+    /// Standing on both legs.
+    #[default]
+    Both,
+    /// In the air: no force on the trunk.
+    Swing,
+    /// On the ground, before the residual heel strike.
+    Stance,
+    /// On the ground, after the residual heel strike.
+    Double,
+}
+
+/// Memory of the human between steps (section 4; symbols of section 4.1 to 4.3).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Memory {
+    /// State of the residual leg.
+    pub residual: ResidualState,
+    /// State of the intact leg.
+    pub intact: IntactState,
+    /// Start of the current residual step, s.
+    pub step_start: f64,
+    /// Start of the current intact state, s.
+    pub state_start: f64,
+    /// Hip at the start of the current residual step, m.
+    pub step_start_x: f64,
+    /// Last touch-down of the intact leg, s.
+    pub touch_down: f64,
+    /// Hip at the last touch-down of the intact leg, m.
+    pub touch_down_x: f64,
+    /// Expected stride length, m.
+    pub stride: f64,
+    /// Expected cycle time of the residual step, s.
+    pub cycle: f64,
+    /// Intended speed registered at the residual heel strike, m/s.
+    pub target_speed: f64,
+    /// Measured speed over the last intact step v_he, m/s.
+    pub intact_speed: f64,
+    /// v_he,target, m/s.
+    pub intact_target: f64,
+    /// v_he,prev, m/s.
+    pub intact_previous: f64,
+    /// K_thrust, N s^2/m^2.
+    pub thrust_gain: f64,
+    /// Pendulum stiffness, N/m.
+    pub slip_stiffness: f64,
+    /// Pendulum damping, N s/m.
+    pub slip_damping: f64,
+    /// Pendulum foot, m.
+    pub slip_foot_x: f64,
+    /// Speed over the last full cycle, updated at either heel strike, m/s.
+    pub ambulation_speed: f64,
+    /// Residual heel strikes so far.
+    pub heel_strikes: u32,
+}
+
+lanes! {
+    /// Guard of the one transition that can come next: it fires when every quantity has passed its threshold.
+    pub struct Guard, GuardLanes {
+        /// Time must exceed, s.
+        after: f64,
+        /// Hip height must be at most, m.
+        hip_below: f64,
+        /// Heel force must exceed, N.
+        heel_force_above: f64,
+        /// Pendulum force must be below, N.
+        pendulum_below: f64,
+        /// Mid-foot must be ahead of the hip by less than, m.
+        midfoot_below: f64,
+        /// Intent (0 or 1) must exceed.
+        intent_above: f64,
+    }
+}
+
+/// What the guards look at.
+#[derive(Clone, Copy, Debug)]
+pub struct Percept {
+    /// Time, s.
+    pub time: f64,
+    /// Hip height above ground, m.
+    pub hip_y: f64,
+    /// Heel normal force, N.
+    pub heel_force: f64,
+    /// Pendulum force, N.
+    pub pendulum: f64,
+    /// Mid-foot ahead of the hip, m.
+    pub midfoot: f64,
+    /// Intent, 0 or 1.
+    pub intent: f64,
+}
+
+/// Whether the guard holds.
+#[inline(always)]
+pub fn holds(guard: &Guard, percept: &Percept) -> bool {
+    (percept.time > guard.after)
+        & (percept.hip_y <= guard.hip_below)
+        & (percept.heel_force > guard.heel_force_above)
+        & (percept.pendulum < guard.pendulum_below)
+        & (percept.midfoot < guard.midfoot_below)
+        & (percept.intent > guard.intent_above)
+}
+
+impl Memory {
+    /// Standing still at the origin with the given intended speed.
+    pub fn standing(params: &HumanParams, speed: f64) -> Self {
+        Self {
+            stride: params.first_stride_m,
+            cycle: params.first_stride_m / speed,
+            target_speed: speed,
+            intact_target: speed,
+            intact_previous: speed,
+            thrust_gain: params.thrust_gain_ns2_m2,
+            ..Self::default()
+        }
+    }
+
+    /// At the heel strike of a cyclic step (section 5.1).
+    pub fn cyclic(params: &HumanParams, speed: f64) -> Self {
+        Self { residual: ResidualState::StepCycle, intact: IntactState::Swing, ..Self::standing(params, speed) }
+    }
+
+    /// Guard of the next transition.
+    pub fn guard(&self, human: &Human, params: &HumanParams) -> Guard {
+        const NEVER: f64 = f64::INFINITY;
+        let always = Guard {
+            after: -NEVER,
+            hip_below: NEVER,
+            heel_force_above: -NEVER,
+            pendulum_below: NEVER,
+            midfoot_below: NEVER,
+            intent_above: -NEVER,
+        };
+        let earliest = self.state_start + params.shortest_state_s;
+        match self.intact {
+            IntactState::Both => Guard { intent_above: 0.5, ..always },
+            IntactState::Swing => Guard { after: earliest, hip_below: human.touch_down_height, ..always },
+            IntactState::Stance => Guard {
+                after: earliest.max(self.step_start + params.shortest_step_share * self.cycle),
+                heel_force_above: params.heel_strike_force_n,
+                midfoot_below: if self.residual == ResidualState::StepStop { params.stop_distance_m } else { NEVER },
+                ..always
+            },
+            IntactState::Double => Guard { pendulum_below: 0.0, ..always },
+        }
+    }
+
+    /// The transition whose guard holds, for a hip at `hip_x` and the human's wishes at that time (Figure 3).
+    pub fn transition(&mut self, human: &Human, params: &HumanParams, time: f64, hip_x: f64, speed: f64, walks: bool) {
+        match self.intact {
+            IntactState::Both => {
+                self.start_residual_step(ResidualState::StepStart, time, hip_x, speed);
+                // The first intact step is measured from the moment that walking starts.
+                (self.touch_down, self.touch_down_x) = (time, hip_x);
+                self.intact = IntactState::Swing;
+            }
+            IntactState::Swing => {
+                self.start_intact_step(human, params, time, hip_x);
+                self.intact = IntactState::Stance;
+            }
+            IntactState::Stance if self.residual == ResidualState::StepStop => {
+                self.residual = ResidualState::Stand;
+                self.intact = IntactState::Both;
+            }
+            IntactState::Stance => {
+                let next = if walks || self.residual == ResidualState::StepStart {
+                    ResidualState::StepCycle
+                } else {
+                    ResidualState::StepStop
+                };
+                self.start_residual_step(next, time, hip_x, speed);
+                self.heel_strikes += 1;
+                self.intact = IntactState::Double;
+            }
+            IntactState::Double => self.intact = IntactState::Swing,
+        }
+        self.state_start = time;
+    }
+
+    fn start_residual_step(&mut self, next: ResidualState, time: f64, hip_x: f64, speed: f64) {
+        let travel = hip_x - self.step_start_x;
+        if self.residual == ResidualState::StepCycle {
+            self.stride = travel;
+        }
+        if self.residual != ResidualState::Stand {
+            self.ambulation_speed = travel / (time - self.step_start);
+        }
+        self.residual = next;
+        self.step_start = time;
+        self.step_start_x = hip_x;
+        self.cycle = self.stride / speed;
+        self.target_speed = speed;
+    }
+
+    fn start_intact_step(&mut self, human: &Human, params: &HumanParams, time: f64, hip_x: f64) {
+        self.intact_speed = (hip_x - self.touch_down_x) / (time - self.touch_down);
+        self.ambulation_speed = self.intact_speed;
+        self.intact_previous = self.intact_target;
+        self.intact_target = self.target_speed;
+        if self.residual != ResidualState::StepStart {
+            // Equation 2, updated at the start of the intact leg's stance.
+            let mean = 0.5 * (self.intact_previous + self.target_speed);
+            let deficit = 0.5 * human.mass * (mean * mean - self.intact_speed * self.intact_speed);
+            self.thrust_gain += deficit / (0.5 * self.stride * mean * mean);
+        }
+        self.touch_down = time;
+        self.touch_down_x = hip_x;
+        (self.slip_stiffness, self.slip_damping) = slip_leg::stiffness_and_damping(
+            human.slip_mass,
+            self.stride / self.intact_target,
+            params.slip_damping_ratio,
+        );
+        self.slip_foot_x = hip_x + human.leg_length * human.touch_down_sin;
+    }
+
+    /// What the continuous equations run on until the next transition.
+    pub fn drive(&self, human: &Human, params: &HumanParams) -> Drive {
+        let flexion = params.thigh_flexion_deg.to_radians();
+        let extension = params.thigh_extension_deg.to_radians();
+        let push_off = params.start_extension_deg.to_radians();
+        let standing = self.residual == ResidualState::Stand;
+        let ([thigh_0, thigh_1, thigh_2, thigh_3, thigh_4], last_knot) = match self.residual {
+            ResidualState::Stand => ([0.0; 5], 1.0),
+            ResidualState::StepStart => ([0.0, push_off, push_off, flexion, flexion], 1.0),
+            ResidualState::StepCycle => ([flexion, extension, extension, flexion, flexion], 1.0),
+            ResidualState::StepStop => ([flexion, extension, extension, flexion, 0.0], 0.75),
+        };
+        let mut drive = Drive {
+            step_start: self.step_start,
+            inverse_cycle: 1.0 / self.cycle,
+            thigh_0,
+            thigh_1,
+            thigh_2,
+            thigh_3,
+            thigh_4,
+            last_knot,
+            trunk: if standing { 0.0 } else { params.trunk_lean_deg.to_radians() },
+            filter_delay: if standing {
+                params.standing_filter_delay_s
+            } else {
+                params.filter_delay_share * self.cycle
+            },
+            hip_stiffness: if standing { params.standing_hip_stiffness_nm_rad } else { params.hip_stiffness_nm_rad },
+            hip_damping: params.hip_damping_nms_rad,
+            hip_limit: human.mass * if standing { params.standing_hip_limit_nm_kg } else { params.hip_limit_nm_kg },
+            touch_down: self.touch_down,
+            slip_foot_x: self.slip_foot_x,
+            ..Drive::default()
+        };
+        match self.intact {
+            IntactState::Both => {
+                drive.support = 0.5 * human.mass * GRAVITY;
+                drive.brake = params.standing_damping_ns_m;
+            }
+            IntactState::Swing => {}
+            IntactState::Stance | IntactState::Double => self.drive_intact_stance(human, params, &mut drive),
+        }
+        drive
+    }
+
+    /// Pendulum, thrust and lift (sections 4.2 and 4.3).
+    fn drive_intact_stance(&self, human: &Human, params: &HumanParams, drive: &mut Drive) {
+        let stance_travel = human.leg_length * human.touch_down_sin;
+        drive.slip_stiffness = self.slip_stiffness;
+        drive.slip_damping = self.slip_damping;
+        drive.lift = params.lift_scale
+            * params.lift_gain_m_per_m_s
+            * self.slip_stiffness
+            * (params.lift_speed_m_s - self.target_speed).max(0.0);
+        if self.residual == ResidualState::StepStop {
+            drive.brake = human.mass * self.intact_speed / stance_travel;
+            drive.stop_lift = params.lift_scale * params.stop_lift_m * self.slip_stiffness;
+            drive.fade_rate = 4.0 * self.intact_target / self.stride;
+        } else {
+            let (target, previous) = (self.intact_target, self.intact_previous);
+            drive.thrust = params.thrust_scale
+                * (self.thrust_gain * target * target
+                    + 0.25 * human.mass * (target * target - previous * previous) / (2.0 * stance_travel));
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! Intact leg: spring-loaded inverted pendulum with thrust and lift on the trunk (sections 4.2 and 4.3).
+
+use crate::human_controller::{Drive, Human};
+use crate::lanes::lanes;
+use crate::math::{angle_of, clamp, select, sin_cos};
+
+lanes! {
+    /// Force of the human's intact leg on the trunk.
+    pub struct TrunkForce, TrunkForceLanes {
+        /// Forward, N.
+        x: f64,
+        /// Up, N.
+        y: f64,
+        /// Force along the pendulum F_p, N, positive in compression; 0 while it swings.
+        pendulum: f64,
+    }
+}
+
+/// Force on the trunk for a hip at (x, y) moving with (vx, vy) at `time`.
+///
+/// F_p carries the sign that resists compression (the paper prints the opposite).
+#[inline(always)]
+pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f64, time: f64) -> TrunkForce {
+    let dx = x - drive.slip_foot_x;
+    let length = (dx * dx + y * y).sqrt();
+    let (sine, cosine) = (dx / length, y / length);
+    let length_rate = sine * vx + cosine * vy;
+    let pendulum = drive.slip_stiffness * (human.leg_length - length) - drive.slip_damping * length_rate;
+
+    let angle = angle_of(sine, cosine);
+    let (_, bump) = sin_cos(angle * human.lift_phase);
+    let fade = clamp(2.0 - (time - drive.touch_down) * drive.fade_rate, 0.0, 1.0);
+    let lift = select(angle.abs() < human.touch_down_angle, (drive.lift + drive.stop_lift * fade) * bump, 0.0);
+    TrunkForce {
+        x: pendulum * sine + drive.thrust - drive.brake * vx,
+        y: pendulum * cosine + drive.support + lift,
+        pendulum,
+    }
+}
+
+/// Stiffness k_p and damping c_p of the pendulum for an expected stride time (section 4.2, with the factor 4 that the print lacks).
+pub fn stiffness_and_damping(mass: f64, stride_time: f64, damping_ratio: f64) -> (f64, f64) {
+    let period = 0.25 * stride_time * (1.0 - damping_ratio * damping_ratio).sqrt();
+    let stiffness = mass * (2.0 * std::f64::consts::PI / period).powi(2);
+    (stiffness, 2.0 * damping_ratio * (stiffness * mass).sqrt())
+}

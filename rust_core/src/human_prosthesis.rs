@@ -1,0 +1,664 @@
+//! The human-prosthesis system of Figure 1: everything that runs in continuous time, wired together.
+//!
+//! ```text
+//!  intent ─> human controller ──────── hip torque, trunk motion and force ──┐
+//!               ^ heel force, hip                                           v
+//!               └──────────────── compliant ground <── points ── hybrid dynamics ──> loads, motion
+//!                                        └── forces ───────────────────^    ^
+//!  command ─> prosthesis device ────────────── knee and ankle torque ───────┘
+//! ```
+
+use crate::compliant_ground::{self, Contact, ContactLanes, Ground, GroundLanes};
+use crate::config::Config;
+use crate::human_controller::gait_fsm::{self, GuardLanes, Memory, Percept};
+use crate::human_controller::intent::Profile;
+use crate::human_controller::reference::{self, Reference, ReferenceLanes};
+use crate::human_controller::slip_leg::{self, TrunkForceLanes};
+use crate::human_controller::{Drive, DriveLanes, Human, HumanLanes, HumanParams, LegGeometry};
+use crate::hybrid_dynamics::walker::{
+    self, AccelerationLanes, Body, BodyLanes, JointTorque, KinematicsLanes, Loads, Motion, MotionLanes, Point,
+    PointForce, Prescribed, PrescribedLanes, Reactions,
+};
+use crate::integrator::{HybridFlow, StateVector};
+use crate::lanes::lanes;
+use crate::math::clamp;
+use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes, extension_stop, flexion_stop};
+use crate::prosthesis_device::passive_ankle::{Ankle, AnkleLanes, ankle_torque};
+use crate::prosthesis_device::variable_damper::{VariableDamper, VariableDamperLanes, damper_torque};
+
+/// Contact points, in the order of every array over them.
+pub const CONTACT_POINTS: usize = 4;
+const HEEL: usize = 0;
+const BALL: usize = 1;
+/// Knee and hip touch the ground only in a fall.
+const KNEE: usize = 2;
+const HIP: usize = 3;
+
+/// Continuous state.
+#[derive(Clone, Debug, Default)]
+pub struct State<const L: usize> {
+    /// Forward-dynamics coordinates.
+    pub motion: MotionLanes<L>,
+    /// Smooth references of trunk and hip.
+    pub reference: ReferenceLanes<L>,
+    /// Time and ground deformation.
+    pub rest: RestLanes<L>,
+}
+
+lanes! {
+    /// Time and tangential deformation of the ground at each contact point.
+    pub struct Rest, RestLanes {
+        /// Time since the start of the trial, s.
+        time: f64,
+        /// Deformation at the heel, m.
+        heel: f64,
+        /// Deformation at the ball, m.
+        ball: f64,
+        /// Deformation at the knee, m.
+        knee: f64,
+        /// Deformation at the hip, m.
+        hip: f64,
+    }
+}
+crate::lanes::integrable!(RestLanes { time, heel, ball, knee, hip });
+
+impl<const L: usize> StateVector<L> for State<L> {
+    #[inline(always)]
+    fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
+        self.motion.add_scaled(&base.motion, step, &rate.motion);
+        self.reference.add_scaled(&base.reference, step, &rate.reference);
+        self.rest.add_scaled(&base.rest, step, &rate.rest);
+    }
+}
+
+/// Posture and speed that a trial starts from (section 5.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// At rest on both legs.
+    Standing,
+    /// At the heel strike of a cyclic step.
+    Cyclic,
+}
+
+/// Depth of the lowest contact point in the ground when a trial starts from standing, m.
+const STANDING_DEPTH: f64 = 0.0037;
+/// Knee flexion when a trial starts from standing.
+const STANDING_KNEE_DEG: f64 = 3.0;
+/// Hip speed at the cyclic start over the intended speed (section 5.1).
+const CYCLIC_SPEED_FACTOR: f64 = 1.2;
+
+lanes! {
+    /// Torques at the knee and ankle by origin, N m (joint signs: q5 extension positive).
+    pub struct DeviceTorque, DeviceTorqueLanes {
+        /// Knee flexion, rad.
+        knee_angle: f64,
+        /// Knee torque T_D of the damper.
+        damper: f64,
+        /// Extension stop, resisting, never negative.
+        extension_stop: f64,
+        /// Flexion stop, resisting, never negative.
+        flexion_stop: f64,
+        /// Knee torque tau_5.
+        knee: f64,
+        /// -d tau_5 / d q5'.
+        knee_damping: f64,
+        /// -d tau_5 / d q5.
+        knee_stiffness: f64,
+        /// Ankle torque tau_8.
+        ankle: f64,
+    }
+}
+
+lanes! {
+    /// Torque of the hip's impedance.
+    pub struct HipTorque, HipTorqueLanes {
+        /// tau_4, N m.
+        torque: f64,
+        /// Damping; 0 where the torque is at its limit.
+        damping: f64,
+        /// Stiffness; 0 where the torque is at its limit.
+        stiffness: f64,
+        /// Hip velocity relative to its reference, rad/s.
+        error_rate: f64,
+    }
+}
+
+/// Power of everything that does work on the segments, W; see [`HumanProsthesis::powers`].
+pub const POWERS: [&str; 12] = [
+    "hip",
+    "trunk_rotation",
+    "trunk_force",
+    "push",
+    "knee_damper",
+    "knee_spring",
+    "knee_friction",
+    "extension_stop",
+    "flexion_stop",
+    "ankle",
+    "contact_normal",
+    "contact_tangential",
+];
+
+/// Human, mechanism, ground and device of a block of walkers.
+#[derive(Clone, Debug)]
+pub struct HumanProsthesis<const L: usize> {
+    // Constants.
+    body: BodyLanes<L>,
+    ground: GroundLanes<L>,
+    human: HumanLanes<L>,
+    knee: VariableDamperLanes<L>,
+    end_stop: EndStopLanes<L>,
+    ankle: AnkleLanes<L>,
+    human_params: HumanParams,
+    // Inputs, constant over a control period.
+    /// Commanded damping coefficient, N m s^2/rad^2.
+    pub command: [f64; L],
+    /// Disturbance on the trunk, forward, N.
+    pub push_x: [f64; L],
+    /// Intent, 0 stand or 1 walk.
+    pub intent: [f64; L],
+    /// Intent and intended speed over time.
+    pub profile: [Profile; L],
+    // Discrete state of the human, and what follows from it.
+    memory: [Memory; L],
+    drive: DriveLanes<L>,
+    guard: GuardLanes<L>,
+    // Signals of the last evaluation.
+    kinematics: KinematicsLanes<L>,
+    contacts: [ContactLanes<L>; CONTACT_POINTS],
+    fall_contact: bool,
+    trunk_force: TrunkForceLanes<L>,
+    midfoot: [f64; L],
+    prescribed: PrescribedLanes<L>,
+    hip_torque: HipTorqueLanes<L>,
+    device: DeviceTorqueLanes<L>,
+    acceleration: AccelerationLanes<L>,
+    /// Largest extension-stop torque at any evaluation since it was last cleared, N m.
+    pub extension_stop_peak: [f64; L],
+}
+
+impl<const L: usize> HumanProsthesis<L> {
+    /// Walkers with the given parameters, all standing; call [`start`](Self::start) for each.
+    pub fn new(params: &Config) -> Self {
+        let body = Body::from(&params.body);
+        let touch_down = touch_down_posture(&body, &params.human);
+        let kin = walker::kinematics(&body, &touch_down, 0.0);
+        let human = Human::from(LegGeometry {
+            mass: body.mass,
+            trunk_mass: body.trunk_mass,
+            leg_length: body.thigh_length + body.shank_length - body.sole_y,
+            touch_down_height: -(kin.thigh_y + kin.shank_y + kin.heel_y),
+            foot_length: body.ball_x - body.heel_x,
+        });
+        Self {
+            body: BodyLanes::splat(body),
+            ground: GroundLanes::splat(Ground::from(&params.ground)),
+            human: HumanLanes::splat(human),
+            knee: VariableDamperLanes::splat(VariableDamper::from(&params.knee)),
+            end_stop: EndStopLanes::splat(EndStop::from(&params.end_stop)),
+            ankle: AnkleLanes::splat(Ankle::from(&params.ankle)),
+            human_params: params.human.clone(),
+            command: [0.0; L],
+            push_x: [0.0; L],
+            intent: [0.0; L],
+            profile: std::array::from_fn(|_| Profile::default()),
+            memory: [Memory::default(); L],
+            drive: DriveLanes::default(),
+            guard: GuardLanes::default(),
+            kinematics: KinematicsLanes::default(),
+            contacts: std::array::from_fn(|_| ContactLanes::default()),
+            fall_contact: false,
+            trunk_force: TrunkForceLanes::default(),
+            midfoot: [0.0; L],
+            prescribed: PrescribedLanes::default(),
+            hip_torque: HipTorqueLanes::default(),
+            device: DeviceTorqueLanes::default(),
+            acceleration: AccelerationLanes::default(),
+            extension_stop_peak: [0.0; L],
+        }
+    }
+
+    /// Puts the walker in `lane` at the start of a trial with its current profile (sections 5.1 and 5.4 of the model).
+    pub fn start(&mut self, state: &mut State<L>, lane: usize, start: Start) {
+        let body = self.body.get(lane);
+        let speed = self.profile[lane].speed(0.0);
+        let (mut motion, mut reference) = match start {
+            Start::Standing => (posture(&body, 0.0, STANDING_KNEE_DEG.to_radians()), Reference::default()),
+            Start::Cyclic => {
+                let mut motion = touch_down_posture(&body, &self.human_params);
+                motion.hip_vx = CYCLIC_SPEED_FACTOR * speed;
+                let trunk = self.human_params.trunk_lean_deg.to_radians();
+                (motion, Reference { trunk, hip: motion.thigh - trunk, ..Reference::default() })
+            }
+        };
+        let kin = walker::kinematics(&body, &motion, reference.trunk);
+        let leg_y = kin.thigh_y + kin.shank_y;
+        motion.hip_y = match start {
+            Start::Standing => -STANDING_DEPTH - (leg_y + kin.heel_y.min(kin.ball_y)),
+            Start::Cyclic => -(leg_y + kin.heel_y),
+        };
+        reference.trunk_rate = 0.0;
+        state.motion.set(lane, motion);
+        state.reference.set(lane, reference);
+        state.rest.set(lane, Rest::default());
+        self.memory[lane] = match start {
+            Start::Standing => Memory::standing(&self.human_params, speed),
+            Start::Cyclic => Memory::cyclic(&self.human_params, speed),
+        };
+        self.refresh_drive(lane);
+    }
+
+    fn refresh_drive(&mut self, lane: usize) {
+        let human = self.human.get(lane);
+        self.drive.set(lane, self.memory[lane].drive(&human, &self.human_params));
+        self.guard.set(lane, self.memory[lane].guard(&human, &self.human_params));
+    }
+
+    /// Memory of the human in `lane`.
+    pub fn memory(&self, lane: usize) -> &Memory {
+        &self.memory[lane]
+    }
+
+    /// Ground contact of point `point` in `lane` (0 heel, 1 ball).
+    pub fn contact(&self, point: usize, lane: usize) -> Contact {
+        self.contacts[point].get(lane)
+    }
+
+    /// Height, position and velocity of heel (0) or ball (1).
+    pub fn foot_point(&self, state: &State<L>, point: usize, lane: usize) -> Point {
+        let kin = self.kinematics.get(lane);
+        let (x, y) = if point == HEEL { (kin.heel_x, kin.heel_y) } else { (kin.ball_x, kin.ball_y) };
+        walker::foot_point(&state.motion.get(lane), &kin, x, y)
+    }
+
+    /// Hip torque tau_4, N m.
+    pub fn hip_torque(&self, lane: usize) -> f64 {
+        self.hip_torque.torque[lane]
+    }
+
+    /// Device torques.
+    pub fn device(&self, lane: usize) -> DeviceTorque {
+        self.device.get(lane)
+    }
+
+    /// Force of the intact leg on the trunk.
+    pub fn trunk_force(&self, lane: usize) -> slip_leg::TrunkForce {
+        self.trunk_force.get(lane)
+    }
+
+    /// Mechanical constants.
+    pub fn body(&self, lane: usize) -> Body {
+        self.body.get(lane)
+    }
+
+    /// Prescribed trunk motion.
+    pub fn prescribed(&self, lane: usize) -> Prescribed {
+        self.prescribed.get(lane)
+    }
+
+    /// Rough thigh reference, rad.
+    pub fn rough_thigh(&self, state: &State<L>, lane: usize) -> f64 {
+        reference::rough_thigh(&self.drive.get(lane), state.rest.time[lane])
+    }
+
+    /// Foot of the intact leg's pendulum, m, and whether it stands on the ground.
+    pub fn pendulum_foot(&self, lane: usize) -> (f64, bool) {
+        (self.drive.slip_foot_x[lane], self.drive.slip_stiffness[lane] > 0.0)
+    }
+
+    /// Forces of the inverse-dynamics joints at the last evaluation.
+    #[inline(always)]
+    pub fn reactions(&self, state: &State<L>, lane: usize) -> Reactions {
+        walker::reactions(
+            &self.body.get(lane),
+            &self.kinematics.get(lane),
+            &state.motion.get(lane),
+            &self.prescribed.get(lane),
+            &self.loads(lane),
+            &self.acceleration.get(lane),
+        )
+    }
+
+    /// Kinetic and potential energy.
+    pub fn energy(&self, state: &State<L>, lane: usize) -> walker::Energy {
+        walker::energy(
+            &self.body.get(lane),
+            &self.kinematics.get(lane),
+            &state.motion.get(lane),
+            &self.prescribed.get(lane),
+        )
+    }
+
+    /// Power of each of [`POWERS`] at the last evaluation, W; their sum is the rate of kinetic plus potential energy.
+    pub fn powers(&self, state: &State<L>, lane: usize) -> [f64; POWERS.len()] {
+        let motion = state.motion.get(lane);
+        let kin = self.kinematics.get(lane);
+        let knee_rate = motion.shank_rate - motion.thigh_rate;
+        let device = self.device.get(lane);
+        let spring = self.knee.spring[lane] * device.knee_angle;
+        let stops = device.flexion_stop - device.extension_stop;
+        let trunk = self.trunk_force.get(lane);
+        let prescribed = self.prescribed.get(lane);
+        let points = [
+            walker::foot_point(&motion, &kin, kin.heel_x, kin.heel_y),
+            walker::foot_point(&motion, &kin, kin.ball_x, kin.ball_y),
+            walker::knee_point(&motion, &kin),
+            hip_point(&motion),
+        ];
+        let over_points = |power: fn(&Contact, &Point) -> f64| -> f64 {
+            self.contacts.iter().zip(&points).map(|(contact, point)| power(&contact.get(lane), point)).sum()
+        };
+        [
+            self.hip_torque.torque[lane] * (motion.thigh_rate - prescribed.rate),
+            self.reactions(state, lane).trunk_torque * prescribed.rate,
+            trunk.x * motion.hip_vx + trunk.y * motion.hip_vy,
+            self.push_x[lane] * motion.hip_vx,
+            device.damper * knee_rate,
+            spring * knee_rate,
+            (device.knee - device.damper - spring - stops) * knee_rate,
+            -device.extension_stop * knee_rate,
+            device.flexion_stop * knee_rate,
+            device.ankle * (motion.foot_rate - motion.shank_rate),
+            over_points(|contact, point| contact.normal * point.vy),
+            over_points(|contact, point| contact.tangential * point.vx),
+        ]
+    }
+
+    #[inline(always)]
+    fn loads(&self, lane: usize) -> Loads {
+        let device = self.device.get(lane);
+        let hip = self.hip_torque.get(lane);
+        let trunk = self.trunk_force.get(lane);
+        let ankle = self.ankle.get(lane);
+        let [heel, ball, knee, hip_contact] = std::array::from_fn(|point| self.contacts[point].get(lane));
+        let foot_force = |contact: Contact| PointForce {
+            x: contact.tangential,
+            y: contact.normal,
+            damping_x: contact.tangential_damping,
+            damping_y: contact.normal_damping,
+            stiffness_x: contact.tangential_stiffness,
+            stiffness_y: contact.normal_stiffness,
+        };
+        Loads {
+            trunk_x: trunk.x + self.push_x[lane] + hip_contact.tangential,
+            trunk_y: trunk.y + hip_contact.normal,
+            knee_x: knee.tangential,
+            knee_y: knee.normal,
+            hip: JointTorque { torque: hip.torque, damping: hip.damping, stiffness: hip.stiffness },
+            hip_error_rate: hip.error_rate,
+            knee: JointTorque { torque: device.knee, damping: device.knee_damping, stiffness: device.knee_stiffness },
+            ankle: JointTorque { torque: device.ankle, damping: ankle.damping, stiffness: ankle.stiffness },
+            heel: foot_force(heel),
+            ball: foot_force(ball),
+        }
+    }
+
+    #[inline(always)]
+    fn sense_fall(&mut self, state: &State<L>) {
+        // NaN is not above: what a diverged walker leaves behind must be recomputed once its lane starts anew.
+        let above = |lane: usize| {
+            let hip_y = state.motion.hip_y[lane];
+            (hip_y > 0.0) & (hip_y + self.kinematics.thigh_y[lane] > 0.0)
+        };
+        let falls = !(0..L).all(above);
+        if !(falls || self.fall_contact) {
+            return; // Contacts above ground are zero already; skipping them changes no result.
+        }
+        self.fall_contact = falls;
+        for lane in 0..L {
+            let ground = self.ground.get(lane);
+            let motion = state.motion.get(lane);
+            let kin = self.kinematics.get(lane);
+            let knee = walker::knee_point(&motion, &kin);
+            let hip = hip_point(&motion);
+            let knee_contact = compliant_ground::contact(&ground, knee.y, knee.vx, knee.vy, state.rest.knee[lane]);
+            let hip_contact = compliant_ground::contact(&ground, hip.y, hip.vx, hip.vy, state.rest.hip[lane]);
+            self.contacts[KNEE].set(lane, knee_contact);
+            self.contacts[HIP].set(lane, hip_contact);
+        }
+    }
+
+    #[inline(always)]
+    fn percept(&self, state: &State<L>, lane: usize) -> Percept {
+        Percept {
+            time: state.rest.time[lane],
+            hip_y: state.motion.hip_y[lane],
+            heel_force: self.contacts[HEEL].normal[lane],
+            pendulum: self.trunk_force.pendulum[lane],
+            midfoot: self.midfoot[lane],
+            intent: self.intent[lane],
+        }
+    }
+}
+
+impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
+    type State = State<L>;
+
+    #[inline(always)]
+    fn sense(&mut self, state: &State<L>) {
+        for lane in 0..L {
+            let motion = state.motion.get(lane);
+            let kin = walker::kinematics(&self.body.get(lane), &motion, state.reference.trunk[lane]);
+            self.kinematics.set(lane, kin);
+        }
+        for lane in 0..L {
+            let motion = state.motion.get(lane);
+            let kin = self.kinematics.get(lane);
+            let ground = self.ground.get(lane);
+            let heel = walker::foot_point(&motion, &kin, kin.heel_x, kin.heel_y);
+            let ball = walker::foot_point(&motion, &kin, kin.ball_x, kin.ball_y);
+            let heel_contact = compliant_ground::contact(&ground, heel.y, heel.vx, heel.vy, state.rest.heel[lane]);
+            let ball_contact = compliant_ground::contact(&ground, ball.y, ball.vx, ball.vy, state.rest.ball[lane]);
+            self.contacts[HEEL].set(lane, heel_contact);
+            self.contacts[BALL].set(lane, ball_contact);
+            self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
+        }
+        for lane in 0..L {
+            let motion = state.motion.get(lane);
+            let force = slip_leg::trunk_force(
+                &self.human.get(lane),
+                &self.drive.get(lane),
+                motion.hip_x,
+                motion.hip_y,
+                motion.hip_vx,
+                motion.hip_vy,
+                state.rest.time[lane],
+            );
+            self.trunk_force.set(lane, force);
+        }
+        self.sense_fall(state);
+    }
+
+    #[inline(always)]
+    fn rates(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
+        // Human controller: references and hip.
+        for lane in 0..L {
+            let drive = self.drive.get(lane);
+            let smooth = state.reference.get(lane);
+            let motion = state.motion.get(lane);
+            let step = implicit_step[lane];
+            let thigh = reference::rough_thigh(&drive, state.rest.time[lane]);
+            let filter = |rough: f64, value: f64, rate: f64| {
+                reference::filter_acceleration(rough, value, rate, drive.filter_delay, step)
+            };
+            let trunk_acceleration = filter(drive.trunk, smooth.trunk, smooth.trunk_rate);
+            let hip_acceleration = filter(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
+            self.prescribed.set(
+                lane,
+                Prescribed { angle: smooth.trunk, rate: smooth.trunk_rate, acceleration: trunk_acceleration },
+            );
+            rates.reference.set(
+                lane,
+                Reference {
+                    trunk: smooth.trunk_rate + step * trunk_acceleration,
+                    trunk_rate: trunk_acceleration,
+                    hip: smooth.hip_rate + step * hip_acceleration,
+                    hip_rate: hip_acceleration,
+                },
+            );
+            self.hip_torque.set(lane, hip_torque(&drive, &motion, &smooth));
+        }
+        // Prosthesis device.
+        for lane in 0..L {
+            let motion = state.motion.get(lane);
+            let torque = device_torque(
+                &self.knee.get(lane),
+                &self.end_stop.get(lane),
+                &self.ankle.get(lane),
+                self.body.foot_mount[lane],
+                &motion,
+                self.command[lane],
+            );
+            self.device.set(lane, torque);
+            self.extension_stop_peak[lane] = crate::math::max(torque.extension_stop, self.extension_stop_peak[lane]);
+        }
+        // Hybrid dynamics.
+        for lane in 0..L {
+            let acceleration = walker::acceleration(
+                &self.body.get(lane),
+                &self.kinematics.get(lane),
+                &state.motion.get(lane),
+                &self.prescribed.get(lane),
+                &self.loads(lane),
+                implicit_step[lane],
+            );
+            self.acceleration.set(lane, acceleration);
+        }
+        // Rates of the state; an implicit step moves with the velocity at its end.
+        for lane in 0..L {
+            let step = implicit_step[lane];
+            let motion = state.motion.get(lane);
+            let acceleration = self.acceleration.get(lane);
+            let end = Motion {
+                hip_vx: motion.hip_vx + step * acceleration.hip_x,
+                hip_vy: motion.hip_vy + step * acceleration.hip_y,
+                thigh_rate: motion.thigh_rate + step * acceleration.thigh,
+                shank_rate: motion.shank_rate + step * acceleration.shank,
+                foot_rate: motion.foot_rate + step * acceleration.foot,
+                ..motion
+            };
+            rates.motion.set(
+                lane,
+                Motion {
+                    hip_x: end.hip_vx,
+                    hip_y: end.hip_vy,
+                    thigh: end.thigh_rate,
+                    shank: end.shank_rate,
+                    foot: end.foot_rate,
+                    hip_vx: acceleration.hip_x,
+                    hip_vy: acceleration.hip_y,
+                    thigh_rate: acceleration.thigh,
+                    shank_rate: acceleration.shank,
+                    foot_rate: acceleration.foot,
+                },
+            );
+            let ground = self.ground.get(lane);
+            let kin = self.kinematics.get(lane);
+            let deformation = state.rest.get(lane);
+            let follow = |point: usize, deformation: f64, vx: f64| {
+                compliant_ground::deformation_rate(&ground, &self.contacts[point].get(lane), deformation, vx, step)
+            };
+            rates.rest.set(
+                lane,
+                Rest {
+                    time: 1.0,
+                    heel: follow(HEEL, deformation.heel, walker::foot_point(&end, &kin, kin.heel_x, kin.heel_y).vx),
+                    ball: follow(BALL, deformation.ball, walker::foot_point(&end, &kin, kin.ball_x, kin.ball_y).vx),
+                    knee: follow(KNEE, deformation.knee, walker::knee_point(&end, &kin).vx),
+                    hip: follow(HIP, deformation.hip, end.hip_vx),
+                },
+            );
+        }
+    }
+
+    #[inline(always)]
+    fn fired(&self, state: &State<L>) -> [bool; L] {
+        std::array::from_fn(|lane| gait_fsm::holds(&self.guard.get(lane), &self.percept(state, lane)))
+    }
+
+    fn transition(&mut self, state: &mut State<L>, fired: &[bool; L]) {
+        for lane in (0..L).filter(|&lane| fired[lane]) {
+            let time = state.rest.time[lane];
+            self.memory[lane].transition(
+                &self.human.get(lane),
+                &self.human_params,
+                time,
+                state.motion.hip_x[lane],
+                self.profile[lane].speed(time),
+                self.intent[lane] > 0.5,
+            );
+            self.refresh_drive(lane);
+            // The pendulum force follows from the new drive; kinematics and contacts stay as sensed.
+            let motion = state.motion.get(lane);
+            let force = slip_leg::trunk_force(
+                &self.human.get(lane),
+                &self.drive.get(lane),
+                motion.hip_x,
+                motion.hip_y,
+                motion.hip_vx,
+                motion.hip_vy,
+                time,
+            );
+            self.trunk_force.set(lane, force);
+        }
+    }
+}
+
+#[inline(always)]
+fn hip_point(motion: &Motion) -> Point {
+    Point { x: motion.hip_x, y: motion.hip_y, vx: motion.hip_vx, vy: motion.hip_vy }
+}
+
+/// Impedance of the hip about its smooth reference, limited (section 4.1; sign so that it attracts).
+#[inline(always)]
+fn hip_torque(drive: &Drive, motion: &Motion, smooth: &Reference) -> HipTorque {
+    let error = smooth.hip - (motion.thigh - smooth.trunk);
+    let error_rate = smooth.hip_rate - (motion.thigh_rate - smooth.trunk_rate);
+    let free = drive.hip_stiffness * error + drive.hip_damping * error_rate;
+    let acts = free.abs() < drive.hip_limit;
+    HipTorque {
+        torque: clamp(free, -drive.hip_limit, drive.hip_limit),
+        damping: crate::math::select(acts, drive.hip_damping, 0.0),
+        stiffness: crate::math::select(acts, drive.hip_stiffness, 0.0),
+        error_rate: -error_rate,
+    }
+}
+
+/// Knee and ankle torque of the damper leg (section 5.2.1).
+#[inline(always)]
+fn device_torque(
+    knee: &VariableDamper,
+    stop: &EndStop,
+    ankle: &Ankle,
+    foot_mount: f64,
+    motion: &Motion,
+    command: f64,
+) -> DeviceTorque {
+    let angle = motion.shank - motion.thigh;
+    let rate = motion.shank_rate - motion.thigh_rate;
+    let damper = damper_torque(knee, angle, rate, command);
+    let extension = extension_stop(stop, -angle, -rate);
+    let flexion = flexion_stop(stop, -angle, -rate);
+    DeviceTorque {
+        knee_angle: -angle,
+        damper: damper.controlled,
+        extension_stop: extension.torque,
+        flexion_stop: flexion.torque,
+        knee: damper.total - extension.torque + flexion.torque,
+        knee_damping: damper.damping + extension.damping + flexion.damping,
+        knee_stiffness: knee.spring + extension.stiffness + flexion.stiffness,
+        ankle: ankle_torque(ankle, motion.foot - motion.shank - foot_mount, motion.foot_rate - motion.shank_rate),
+    }
+}
+
+/// Posture with the given thigh angle and knee flexion (rad), ankle at rest, hip at the origin.
+fn posture(body: &Body, thigh: f64, knee_flexion: f64) -> Motion {
+    let shank = thigh - knee_flexion;
+    Motion { thigh, shank, foot: shank + body.foot_mount, ..Motion::default() }
+}
+
+/// Posture at touch-down, which also fixes the pendulum's angle of attack (Figure 2).
+fn touch_down_posture(body: &Body, human: &HumanParams) -> Motion {
+    posture(body, human.thigh_flexion_deg.to_radians(), human.touch_down_knee_deg.to_radians())
+}

@@ -1,0 +1,191 @@
+//! Hybrid dynamics of any planar serial chain (section 3.1): `H(q) q'' + C(q, q') = tau + sum of J^T f`.
+//!
+//! Body i moves on joint i relative to body i - 1, body 0 relative to the ground; gravity and external forces act on it.
+//! Each joint is either a forward-dynamics joint (force given, acceleration wanted) or an inverse-dynamics joint (the
+//! reverse). The algorithms are those of R. Featherstone, Rigid Body Dynamics Algorithms (2008), in body coordinates:
+//! recursive Newton-Euler (Table 5.1), composite rigid bodies (Table 6.2) and hybrid dynamics (section 9.1).
+
+mod dynamics;
+mod joint;
+mod planar;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+pub use dynamics::Workspace;
+pub use joint::{Joint, JointKind};
+pub use planar::{Frame, Vector};
+use planar::{Twist, Wrench};
+
+/// A force on a point of a body.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ExternalForce {
+    /// Index of the body.
+    pub body: usize,
+    /// Point of application in the body's frame, m.
+    pub point: Vector,
+    /// Force along the world's axes, N.
+    pub force: Vector,
+}
+
+/// Immutable model of a chain. Joints, bodies and the entries of q are counted from 0 at the ground.
+///
+/// Positions `q`, velocities `qd`, accelerations `qdd` and forces `tau` are in m and N for prismatic joints, in rad and
+/// N m for revolute ones.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Chain {
+    joints: Vec<Joint>,
+    gravity: Vector,
+}
+
+/// A body met on the way outwards.
+struct Moving<'a> {
+    joint: &'a Joint,
+    /// In its parent.
+    frame: Frame,
+    /// In the world.
+    world: Frame,
+    velocity: Twist,
+}
+
+impl Chain {
+    /// A chain from the ground outwards, in a field of `gravity` (m/s^2, world axes).
+    pub fn new(joints: Vec<Joint>, gravity: Vector) -> Result<Self> {
+        if joints.is_empty() {
+            return Err(Error::Invalid("joints: a chain needs at least one".to_owned()));
+        }
+        for (i, joint) in joints.iter().enumerate() {
+            joint.validate(&format!("joints[{i}]"))?;
+        }
+        all_finite("gravity", &gravity)?;
+        Ok(Self { joints, gravity })
+    }
+
+    /// The joints.
+    pub fn joints(&self) -> &[Joint] {
+        &self.joints
+    }
+
+    /// Forward kinematics: frame of every body in the world.
+    pub fn frames(&self, q: &[f64], frames: &mut [Frame]) -> Result<()> {
+        self.check("q", q)?;
+        self.check_length("frames", frames.len(), self.joints.len())?;
+        for (frame, body) in frames.iter_mut().zip(self.outwards(q, None)) {
+            *frame = body.world;
+        }
+        Ok(())
+    }
+
+    /// Position in the world of a point of a body, m.
+    pub fn point_position(&self, q: &[f64], body: usize, point: Vector) -> Result<Vector> {
+        self.check("q", q)?;
+        Ok(self.body(q, None, body)?.world.point(point))
+    }
+
+    /// Velocity along the world's axes of a point of a body, m/s.
+    pub fn point_velocity(&self, q: &[f64], qd: &[f64], body: usize, point: Vector) -> Result<Vector> {
+        self.check("q", q)?;
+        self.check("qd", qd)?;
+        let body = self.body(q, Some(qd), body)?;
+        Ok(body.world.rotate(body.velocity.at(point)))
+    }
+
+    /// Jacobian J of a point of a body, `v = J qd`: the row of x, then the row of y.
+    pub fn point_jacobian(&self, q: &[f64], body: usize, point: Vector, jacobian: &mut [f64]) -> Result<()> {
+        self.check("q", q)?;
+        let n = self.joints.len();
+        self.check_length("jacobian", jacobian.len(), 2 * n)?;
+        let target = self.body(q, None, body)?.world.point(point);
+        jacobian.fill(0.0);
+        for (i, carrier) in self.outwards(q, None).enumerate().take(body + 1) {
+            let carried = carrier.joint.axis().at(carrier.world.local_point(target));
+            [jacobian[i], jacobian[n + i]] = carrier.world.rotate(carried);
+        }
+        Ok(())
+    }
+
+    /// Kinetic energy, J.
+    pub fn kinetic_energy(&self, q: &[f64], qd: &[f64]) -> Result<f64> {
+        self.check("q", q)?;
+        self.check("qd", qd)?;
+        let energy = |body: Moving| 0.5 * body.joint.inertia().momentum(body.velocity).dot(body.velocity);
+        Ok(self.outwards(q, Some(qd)).map(energy).sum())
+    }
+
+    /// Potential energy in the field of gravity, J; zero with the centre of mass at the world's origin.
+    pub fn potential_energy(&self, q: &[f64]) -> Result<f64> {
+        self.check("q", q)?;
+        let energy = |body: Moving| {
+            let [x, y] = body.world.point(body.joint.com);
+            -body.joint.mass * (self.gravity[0] * x + self.gravity[1] * y)
+        };
+        Ok(self.outwards(q, None).map(energy).sum())
+    }
+
+    /// Angular momentum about the world's origin (kg m^2/s), then linear momentum along x and y (kg m/s).
+    pub fn momentum(&self, q: &[f64], qd: &[f64]) -> Result<[f64; 3]> {
+        self.check("q", q)?;
+        self.check("qd", qd)?;
+        let mut total = Wrench::ZERO;
+        for body in self.outwards(q, Some(qd)) {
+            total += body.world.wrench(body.joint.inertia().momentum(body.velocity));
+        }
+        Ok([total.moment, total.force[0], total.force[1]])
+    }
+
+    /// The bodies from the ground outwards, at rest if no velocities are given.
+    fn outwards(&self, q: &[f64], qd: Option<&[f64]>) -> impl Iterator<Item = Moving<'_>> {
+        let ground = (Frame::IDENTITY, Twist::ZERO);
+        self.joints.iter().enumerate().scan(ground, move |(world, velocity), (i, joint)| {
+            let frame = joint.frame(q[i]);
+            *world = world.compose(&frame);
+            *velocity = frame.local_twist(*velocity) + joint.axis() * qd.map_or(0.0, |qd| qd[i]);
+            Some(Moving { joint, frame, world: *world, velocity: *velocity })
+        })
+    }
+
+    fn body(&self, q: &[f64], qd: Option<&[f64]>, body: usize) -> Result<Moving<'_>> {
+        self.outwards(q, qd).nth(body).ok_or_else(|| self.no_such_body("body", body))
+    }
+
+    fn no_such_body(&self, key: &str, body: usize) -> Error {
+        let range = format!("[0, {}]", self.joints.len() - 1);
+        Error::OutOfRange { key: key.to_owned(), value: body.to_string(), range }
+    }
+
+    fn check_external(&self, external: &[ExternalForce]) -> Result<()> {
+        for (i, load) in external.iter().enumerate() {
+            if load.body >= self.joints.len() {
+                return Err(self.no_such_body(&format!("external[{i}].body"), load.body));
+            }
+            all_finite(&format!("external[{i}].point"), &load.point)?;
+            all_finite(&format!("external[{i}].force"), &load.force)?;
+        }
+        Ok(())
+    }
+
+    fn check(&self, name: &str, values: &[f64]) -> Result<()> {
+        self.check_length(name, values.len(), self.joints.len())?;
+        all_finite(name, values)
+    }
+
+    fn check_length(&self, name: &str, length: usize, expected: usize) -> Result<()> {
+        if length == expected {
+            return Ok(());
+        }
+        let joints = self.joints.len();
+        Err(Error::Invalid(format!("{name} has {length} values, a chain of {joints} joints needs {expected}")))
+    }
+}
+
+fn all_finite(name: &str, values: &[f64]) -> Result<()> {
+    values.iter().enumerate().try_for_each(|(i, &value)| finite(|| format!("{name}[{i}]"), value))
+}
+
+fn finite(key: impl Fn() -> String, value: f64) -> Result<()> {
+    if value.is_finite() {
+        return Ok(());
+    }
+    Err(Error::OutOfRange { key: key(), value: value.to_string(), range: "(-inf, inf)".to_owned() })
+}

@@ -1,0 +1,565 @@
+//! Hybrid dynamics of the walker in absolute segment angles (section 3, Table 1).
+//!
+//! Forward-dynamics joints: trunk travel and height, hip, knee, ankle. Inverse-dynamics joints: trunk rotation (prescribed)
+//! and the two tube-sensor joints (locked), whose forces are the load-cell readings. With the angles of thigh, shank and
+//! foot to the vertical as coordinates, the mass matrix is a sum of dot products of segment vectors:
+//! `M_ij = L_i . S_j`, L_i the link of the proximal segment and S_j the first moment of all that hangs below segment j.
+//! Torques of the relative joints 4, 5, 8 act on these coordinates as differences.
+
+use crate::lanes::{integrable, lanes};
+use crate::math::sin_cos;
+use crate::params::{above, params, within};
+use crate::signals::GRAVITY;
+
+params! {
+    /// Segments of the walker (Table 1). Centres of mass in the segment frame at its proximal joint, y up along the segment.
+    pub struct BodyParams {
+        /// Trunk mass, which includes head, arms and intact leg (Table 1).
+        trunk_mass_kg: f64 = 62.5, "kg", above(0.0, 500.0);
+        /// Trunk inertia about its centre of mass (Table 1).
+        trunk_inertia_kg_m2: f64 = 4.401, "kg m^2", within(0.0, 100.0);
+        /// Height of the trunk's centre of mass above the hip (Table 1).
+        trunk_com_y_m: f64 = 0.325, "m", within(-1.0, 1.0);
+        /// Thigh mass (Table 1).
+        thigh_mass_kg: f64 = 9.0, "kg", above(0.0, 100.0);
+        /// Thigh inertia about its centre of mass (Table 1).
+        thigh_inertia_kg_m2: f64 = 0.1337, "kg m^2", within(0.0, 10.0);
+        /// Thigh centre of mass, forward (Table 1).
+        thigh_com_x_m: f64 = 0.0, "m", within(-0.5, 0.5);
+        /// Thigh centre of mass, up (Table 1).
+        thigh_com_y_m: f64 = -0.18, "m", within(-1.0, 0.5);
+        /// Hip to knee (Table 1).
+        thigh_length_m: f64 = 0.42, "m", above(0.0, 1.0);
+        /// Calf mass, prosthetic knee included (Table 1).
+        calf_mass_kg: f64 = 2.8, "kg", above(0.0, 50.0);
+        /// Calf inertia about its centre of mass (Table 1).
+        calf_inertia_kg_m2: f64 = 0.03, "kg m^2", within(0.0, 5.0);
+        /// Calf centre of mass, forward (Table 1).
+        calf_com_x_m: f64 = -0.01, "m", within(-0.5, 0.5);
+        /// Calf centre of mass, up (Table 1).
+        calf_com_y_m: f64 = -0.12, "m", within(-1.0, 0.5);
+        /// Knee to tube sensor (Table 1).
+        calf_length_m: f64 = 0.28, "m", above(0.0, 1.0);
+        /// Tube sensor to ankle (Table 1: shank minus calf).
+        tube_length_m: f64 = 0.14, "m", above(0.0, 1.0);
+        /// Foot mass (Table 1).
+        foot_mass_kg: f64 = 0.7, "kg", above(0.0, 20.0);
+        /// Foot inertia about its centre of mass (Table 1).
+        foot_inertia_kg_m2: f64 = 0.0018, "kg m^2", within(0.0, 1.0);
+        /// Foot centre of mass, forward of the ankle (Table 1).
+        foot_com_x_m: f64 = 0.0625, "m", within(-0.5, 0.5);
+        /// Foot centre of mass, up from the ankle (Table 1).
+        foot_com_y_m: f64 = -0.0533, "m", within(-0.5, 0.5);
+        /// Sole below the ankle (Table 1, y_foot).
+        foot_height_m: f64 = 0.08, "m", above(0.0, 0.5);
+        /// Heel contact point, forward of the ankle (Table 1).
+        heel_x_m: f64 = -0.025, "m", within(-0.5, 0.5);
+        /// Ball contact point, forward of the ankle (Table 1).
+        ball_x_m: f64 = 0.15, "m", within(-0.5, 0.5);
+        /// Toe-up mounting of the foot on the tube; the ankle spring rests there (section 5.2.1, q_8,0).
+        foot_mount_deg: f64 = 4.0, "deg", within(-30.0, 30.0);
+    }
+}
+
+lanes! {
+    /// Mechanical constants of one walker, SI.
+    pub struct Body, BodyLanes {
+        /// Total mass, kg.
+        mass: f64,
+        /// Trunk mass, kg.
+        trunk_mass: f64,
+        /// First moment of the trunk about the hip, up, kg m.
+        trunk_moment_y: f64,
+        /// Inertia of the trunk about the hip, kg m^2.
+        trunk_inertia: f64,
+        /// First moment of thigh and all below it, lumped at the knee, about the hip, thigh frame, kg m.
+        thigh_moment_x: f64,
+        /// Same, along the thigh.
+        thigh_moment_y: f64,
+        /// First moment of calf and foot (lumped at the ankle) about the knee, shank frame, kg m.
+        shank_moment_x: f64,
+        /// Same, along the shank.
+        shank_moment_y: f64,
+        /// First moment of the foot about the ankle, foot frame, kg m.
+        foot_moment_x: f64,
+        /// Same, up.
+        foot_moment_y: f64,
+        /// Inertia about the hip of thigh and what hangs below, lumped at the knee, kg m^2.
+        thigh_inertia: f64,
+        /// Inertia about the knee of calf and foot, lumped at the ankle, kg m^2.
+        shank_inertia: f64,
+        /// Inertia of the foot about the ankle, kg m^2.
+        foot_inertia: f64,
+        /// Hip to knee, m.
+        thigh_length: f64,
+        /// Knee to ankle, m.
+        shank_length: f64,
+        /// Tube sensor to ankle, m.
+        tube_length: f64,
+        /// Foot mass, kg.
+        foot_mass: f64,
+        /// Heel forward of the ankle, foot frame, m.
+        heel_x: f64,
+        /// Ball forward of the ankle, foot frame, m.
+        ball_x: f64,
+        /// Sole above the ankle, foot frame (negative), m.
+        sole_y: f64,
+        /// Foot frame to tube at ankle rest, rad.
+        foot_mount: f64,
+    }
+}
+
+impl From<&BodyParams> for Body {
+    fn from(p: &BodyParams) -> Self {
+        let shank_length = p.calf_length_m + p.tube_length_m;
+        let below_knee = p.calf_mass_kg + p.foot_mass_kg;
+        let square = |x: f64, y: f64| x * x + y * y;
+        Self {
+            mass: p.trunk_mass_kg + p.thigh_mass_kg + below_knee,
+            trunk_mass: p.trunk_mass_kg,
+            trunk_moment_y: p.trunk_mass_kg * p.trunk_com_y_m,
+            trunk_inertia: p.trunk_inertia_kg_m2 + p.trunk_mass_kg * p.trunk_com_y_m * p.trunk_com_y_m,
+            thigh_moment_x: p.thigh_mass_kg * p.thigh_com_x_m,
+            thigh_moment_y: p.thigh_mass_kg * p.thigh_com_y_m - below_knee * p.thigh_length_m,
+            shank_moment_x: p.calf_mass_kg * p.calf_com_x_m,
+            shank_moment_y: p.calf_mass_kg * p.calf_com_y_m - p.foot_mass_kg * shank_length,
+            foot_moment_x: p.foot_mass_kg * p.foot_com_x_m,
+            foot_moment_y: p.foot_mass_kg * p.foot_com_y_m,
+            thigh_inertia: p.thigh_inertia_kg_m2
+                + p.thigh_mass_kg * square(p.thigh_com_x_m, p.thigh_com_y_m)
+                + below_knee * p.thigh_length_m * p.thigh_length_m,
+            shank_inertia: p.calf_inertia_kg_m2
+                + p.calf_mass_kg * square(p.calf_com_x_m, p.calf_com_y_m)
+                + p.foot_mass_kg * shank_length * shank_length,
+            foot_inertia: p.foot_inertia_kg_m2 + p.foot_mass_kg * square(p.foot_com_x_m, p.foot_com_y_m),
+            thigh_length: p.thigh_length_m,
+            shank_length,
+            tube_length: p.tube_length_m,
+            foot_mass: p.foot_mass_kg,
+            heel_x: p.heel_x_m,
+            ball_x: p.ball_x_m,
+            sole_y: -p.foot_height_m,
+            foot_mount: p.foot_mount_deg.to_radians(),
+        }
+    }
+}
+
+lanes! {
+    /// Positions and velocities of the forward-dynamics coordinates, SI; angles of segments to the vertical.
+    pub struct Motion, MotionLanes {
+        /// Hip, forward, m.
+        hip_x: f64,
+        /// Hip, up, m.
+        hip_y: f64,
+        /// Thigh angle, rad (flexion positive).
+        thigh: f64,
+        /// Shank angle, rad.
+        shank: f64,
+        /// Foot angle, rad (0: sole level).
+        foot: f64,
+        /// Hip velocity forward, m/s.
+        hip_vx: f64,
+        /// Hip velocity up, m/s.
+        hip_vy: f64,
+        /// Thigh angular velocity, rad/s.
+        thigh_rate: f64,
+        /// Shank angular velocity, rad/s.
+        shank_rate: f64,
+        /// Foot angular velocity, rad/s.
+        foot_rate: f64,
+    }
+}
+integrable!(MotionLanes { hip_x, hip_y, thigh, shank, foot, hip_vx, hip_vy, thigh_rate, shank_rate, foot_rate });
+
+lanes! {
+    /// Prescribed rotation of the trunk: an inverse-dynamics joint.
+    pub struct Prescribed, PrescribedLanes {
+        /// Angle, rad.
+        angle: f64,
+        /// Angular velocity, rad/s.
+        rate: f64,
+        /// Angular acceleration, rad/s^2.
+        acceleration: f64,
+    }
+}
+
+lanes! {
+    /// Segment vectors in world axes.
+    pub struct Kinematics, KinematicsLanes {
+        /// Trunk first moment about the hip, x, kg m.
+        trunk_mx: f64,
+        /// Trunk first moment, y.
+        trunk_my: f64,
+        /// Hip to knee, x, m.
+        thigh_x: f64,
+        /// Hip to knee, y, m.
+        thigh_y: f64,
+        /// Knee to ankle, x, m.
+        shank_x: f64,
+        /// Knee to ankle, y, m.
+        shank_y: f64,
+        /// Thigh first moment, x, kg m.
+        thigh_mx: f64,
+        /// Thigh first moment, y, kg m.
+        thigh_my: f64,
+        /// Shank first moment, x, kg m.
+        shank_mx: f64,
+        /// Shank first moment, y, kg m.
+        shank_my: f64,
+        /// Foot first moment, x, kg m.
+        foot_mx: f64,
+        /// Foot first moment, y, kg m.
+        foot_my: f64,
+        /// Ankle to heel, x, m.
+        heel_x: f64,
+        /// Ankle to heel, y, m.
+        heel_y: f64,
+        /// Ankle to ball, x, m.
+        ball_x: f64,
+        /// Ankle to ball, y, m.
+        ball_y: f64,
+    }
+}
+
+/// Segment vectors of a posture.
+#[inline(always)]
+pub fn kinematics(body: &Body, motion: &Motion, trunk_angle: f64) -> Kinematics {
+    let (trunk_sin, trunk_cos) = sin_cos(trunk_angle);
+    let (thigh_sin, thigh_cos) = sin_cos(motion.thigh);
+    let (shank_sin, shank_cos) = sin_cos(motion.shank);
+    let (foot_sin, foot_cos) = sin_cos(motion.foot);
+    Kinematics {
+        trunk_mx: -body.trunk_moment_y * trunk_sin,
+        trunk_my: body.trunk_moment_y * trunk_cos,
+        thigh_x: body.thigh_length * thigh_sin,
+        thigh_y: -body.thigh_length * thigh_cos,
+        shank_x: body.shank_length * shank_sin,
+        shank_y: -body.shank_length * shank_cos,
+        thigh_mx: body.thigh_moment_x * thigh_cos - body.thigh_moment_y * thigh_sin,
+        thigh_my: body.thigh_moment_x * thigh_sin + body.thigh_moment_y * thigh_cos,
+        shank_mx: body.shank_moment_x * shank_cos - body.shank_moment_y * shank_sin,
+        shank_my: body.shank_moment_x * shank_sin + body.shank_moment_y * shank_cos,
+        foot_mx: body.foot_moment_x * foot_cos - body.foot_moment_y * foot_sin,
+        foot_my: body.foot_moment_x * foot_sin + body.foot_moment_y * foot_cos,
+        heel_x: body.heel_x * foot_cos - body.sole_y * foot_sin,
+        heel_y: body.heel_x * foot_sin + body.sole_y * foot_cos,
+        ball_x: body.ball_x * foot_cos - body.sole_y * foot_sin,
+        ball_y: body.ball_x * foot_sin + body.sole_y * foot_cos,
+    }
+}
+
+lanes! {
+    /// Height and velocity of a point of the walker.
+    pub struct Point, PointLanes {
+        /// Forward position, m.
+        x: f64,
+        /// Height, m.
+        y: f64,
+        /// Forward velocity, m/s.
+        vx: f64,
+        /// Upward velocity, m/s.
+        vy: f64,
+    }
+}
+
+/// Motion of the foot point at `(arm_x, arm_y)` from the ankle, world axes.
+///
+/// Also gives its acceleration without the centripetal part, if `motion`'s rates are accelerations.
+#[inline(always)]
+pub fn foot_point(motion: &Motion, kin: &Kinematics, arm_x: f64, arm_y: f64) -> Point {
+    Point {
+        x: motion.hip_x + kin.thigh_x + kin.shank_x + arm_x,
+        y: motion.hip_y + kin.thigh_y + kin.shank_y + arm_y,
+        vx: motion.hip_vx
+            - motion.thigh_rate * kin.thigh_y
+            - motion.shank_rate * kin.shank_y
+            - motion.foot_rate * arm_y,
+        vy: motion.hip_vy
+            + motion.thigh_rate * kin.thigh_x
+            + motion.shank_rate * kin.shank_x
+            + motion.foot_rate * arm_x,
+    }
+}
+
+/// Motion of the knee.
+#[inline(always)]
+pub fn knee_point(motion: &Motion, kin: &Kinematics) -> Point {
+    Point {
+        x: motion.hip_x + kin.thigh_x,
+        y: motion.hip_y + kin.thigh_y,
+        vx: motion.hip_vx - motion.thigh_rate * kin.thigh_y,
+        vy: motion.hip_vy + motion.thigh_rate * kin.thigh_x,
+    }
+}
+
+lanes! {
+    /// Torque of a joint (positive on the distal segment) with its derivatives, for implicit steps.
+    pub struct JointTorque, JointTorqueLanes {
+        /// Torque, N m.
+        torque: f64,
+        /// -d torque / d joint velocity, N m s/rad; never negative.
+        damping: f64,
+        /// -d torque / d joint angle, N m/rad; never negative.
+        stiffness: f64,
+    }
+}
+
+lanes! {
+    /// Force on a point with its derivatives, for implicit steps.
+    pub struct PointForce, PointForceLanes {
+        /// Forward, N.
+        x: f64,
+        /// Up, N.
+        y: f64,
+        /// -dx/dvx, N s/m.
+        damping_x: f64,
+        /// -dy/dvy, N s/m.
+        damping_y: f64,
+        /// -dx/d displacement, N/m.
+        stiffness_x: f64,
+        /// -dy/d height, N/m.
+        stiffness_y: f64,
+    }
+}
+
+lanes! {
+    /// Accelerations of the forward-dynamics coordinates.
+    pub struct Acceleration, AccelerationLanes {
+        /// Hip, forward, m/s^2.
+        hip_x: f64,
+        /// Hip, up, m/s^2.
+        hip_y: f64,
+        /// Thigh, rad/s^2.
+        thigh: f64,
+        /// Shank, rad/s^2.
+        shank: f64,
+        /// Foot, rad/s^2.
+        foot: f64,
+    }
+}
+
+/// All that acts on the mechanism besides gravity.
+#[derive(Clone, Copy, Debug)]
+pub struct Loads {
+    /// Force on the trunk at the hip, forward, N.
+    pub trunk_x: f64,
+    /// Force on the trunk at the hip, up, N.
+    pub trunk_y: f64,
+    /// Force at the knee, forward, N (a fall's contact).
+    pub knee_x: f64,
+    /// Force at the knee, up, N.
+    pub knee_y: f64,
+    /// Hip torque, relative to the prescribed hip motion.
+    pub hip: JointTorque,
+    /// Angular velocity of the hip relative to its reference, rad/s: what the hip's stiffness acts on.
+    pub hip_error_rate: f64,
+    /// Knee torque.
+    pub knee: JointTorque,
+    /// Ankle torque.
+    pub ankle: JointTorque,
+    /// Ground on the heel.
+    pub heel: PointForce,
+    /// Ground on the ball.
+    pub ball: PointForce,
+}
+
+const COORDINATES: usize = 5;
+type Matrix = [[f64; COORDINATES]; COORDINATES];
+
+/// Mean acceleration over a linearly implicit step of length `step`; with `step = 0` the acceleration itself.
+///
+/// Solves `(M + h D + h^2 K) a = f - h K v`, D and K the damping and stiffness of joints and contacts.
+#[inline(always)]
+pub fn acceleration(
+    body: &Body,
+    kin: &Kinematics,
+    motion: &Motion,
+    trunk: &Prescribed,
+    loads: &Loads,
+    step: f64,
+) -> Acceleration {
+    let (w1, w2, w3) = (motion.thigh_rate, motion.shank_rate, motion.foot_rate);
+    let (c1, c2, c3) = (w1 * w1, w2 * w2, w3 * w3);
+
+    // Mass matrix, lower triangle; order: hip x, hip y, thigh, shank, foot.
+    let mut matrix: Matrix = [
+        [body.mass, 0.0, 0.0, 0.0, 0.0],
+        [0.0, body.mass, 0.0, 0.0, 0.0],
+        [-kin.thigh_my, kin.thigh_mx, body.thigh_inertia, 0.0, 0.0],
+        [-kin.shank_my, kin.shank_mx, kin.thigh_x * kin.shank_mx + kin.thigh_y * kin.shank_my, body.shank_inertia, 0.0],
+        [
+            -kin.foot_my,
+            kin.foot_mx,
+            kin.thigh_x * kin.foot_mx + kin.thigh_y * kin.foot_my,
+            kin.shank_x * kin.foot_mx + kin.shank_y * kin.foot_my,
+            body.foot_inertia,
+        ],
+    ];
+
+    // (z x L_i) . S_j = L_i x S_j: centripetal coupling of two segments.
+    let thigh_shank = kin.thigh_x * kin.shank_my - kin.thigh_y * kin.shank_mx;
+    let thigh_foot = kin.thigh_x * kin.foot_my - kin.thigh_y * kin.foot_mx;
+    let shank_foot = kin.shank_x * kin.foot_my - kin.shank_y * kin.foot_mx;
+
+    // Torques less the part that stiffness will take back over the step.
+    let hip = loads.hip.torque - step * loads.hip.stiffness * loads.hip_error_rate;
+    let knee = loads.knee.torque - step * loads.knee.stiffness * (w2 - w1);
+    let ankle = loads.ankle.torque - step * loads.ankle.stiffness * (w3 - w2);
+
+    let trunk_centripetal = trunk.rate * trunk.rate;
+    let mut force = [
+        loads.trunk_x
+            + loads.knee_x
+            + trunk.acceleration * kin.trunk_my
+            + trunk_centripetal * kin.trunk_mx
+            + c1 * kin.thigh_mx
+            + c2 * kin.shank_mx
+            + c3 * kin.foot_mx,
+        loads.trunk_y + loads.knee_y - body.mass * GRAVITY - trunk.acceleration * kin.trunk_mx
+            + trunk_centripetal * kin.trunk_my
+            + c1 * kin.thigh_my
+            + c2 * kin.shank_my
+            + c3 * kin.foot_my,
+        hip - knee - GRAVITY * kin.thigh_mx - kin.thigh_y * loads.knee_x
+            + kin.thigh_x * loads.knee_y
+            + c2 * thigh_shank
+            + c3 * thigh_foot,
+        knee - ankle - GRAVITY * kin.shank_mx - c1 * thigh_shank + c3 * shank_foot,
+        ankle - GRAVITY * kin.foot_mx - c1 * thigh_foot - c2 * shank_foot,
+    ];
+
+    let implicit = |damping: f64, stiffness: f64| step * (damping + step * stiffness);
+    let hip_implicit = implicit(loads.hip.damping, loads.hip.stiffness);
+    let knee_implicit = implicit(loads.knee.damping, loads.knee.stiffness);
+    let ankle_implicit = implicit(loads.ankle.damping, loads.ankle.stiffness);
+    matrix[2][2] += hip_implicit + knee_implicit;
+    matrix[3][2] -= knee_implicit;
+    matrix[3][3] += knee_implicit + ankle_implicit;
+    matrix[4][3] -= ankle_implicit;
+    matrix[4][4] += ankle_implicit;
+
+    for (point, arm_x, arm_y) in [(&loads.heel, kin.heel_x, kin.heel_y), (&loads.ball, kin.ball_x, kin.ball_y)] {
+        let velocity = foot_point(motion, kin, arm_x, arm_y);
+        let x = point.x - step * point.stiffness_x * velocity.vx;
+        let y = point.y - step * point.stiffness_y * velocity.vy;
+        let row_x = [1.0, 0.0, -kin.thigh_y, -kin.shank_y, -arm_y];
+        let row_y = [0.0, 1.0, kin.thigh_x, kin.shank_x, arm_x];
+        let implicit_x = implicit(point.damping_x, point.stiffness_x);
+        let implicit_y = implicit(point.damping_y, point.stiffness_y);
+        for i in 0..COORDINATES {
+            force[i] += row_x[i] * x + row_y[i] * y;
+            for j in 0..=i {
+                matrix[i][j] += implicit_x * row_x[i] * row_x[j] + implicit_y * row_y[i] * row_y[j];
+            }
+        }
+    }
+
+    let [hip_x, hip_y, thigh, shank, foot] = solve_positive_definite(matrix, force);
+    Acceleration { hip_x, hip_y, thigh, shank, foot }
+}
+
+/// Solves `A x = b` for the lower triangle of a symmetric positive definite A by an unrolled L D L^T decomposition.
+#[inline(always)]
+fn solve_positive_definite(mut a: Matrix, mut b: [f64; COORDINATES]) -> [f64; COORDINATES] {
+    let mut inverse_pivot = [0.0; COORDINATES];
+    for j in 0..COORDINATES {
+        inverse_pivot[j] = 1.0 / a[j][j];
+        for i in j + 1..COORDINATES {
+            let factor = a[i][j] * inverse_pivot[j];
+            for k in j + 1..=i {
+                a[i][k] -= factor * a[k][j];
+            }
+            b[i] -= factor * b[j];
+        }
+    }
+    for j in (0..COORDINATES).rev() {
+        let mut sum = b[j];
+        for i in j + 1..COORDINATES {
+            sum -= a[i][j] * b[i];
+        }
+        b[j] = sum * inverse_pivot[j];
+    }
+    b
+}
+
+lanes! {
+    /// Forces of the inverse-dynamics joints, N and N m, signs of section 1 of the paper's chain (tau_3, tau_6, tau_7).
+    pub struct Reactions, ReactionsLanes {
+        /// Torque that prescribes the trunk's rotation, N m.
+        trunk_torque: f64,
+        /// Tube extension force tau_6, N; compression is negative.
+        tube_force: f64,
+        /// Tube bending torque tau_7, N m.
+        tube_torque: f64,
+    }
+}
+
+/// Inverse dynamics of trunk rotation and tube joints from the forward solution.
+#[inline(always)]
+pub fn reactions(
+    body: &Body,
+    kin: &Kinematics,
+    motion: &Motion,
+    trunk: &Prescribed,
+    loads: &Loads,
+    acceleration: &Acceleration,
+) -> Reactions {
+    let (c1, c2, c3) = (
+        motion.thigh_rate * motion.thigh_rate,
+        motion.shank_rate * motion.shank_rate,
+        motion.foot_rate * motion.foot_rate,
+    );
+    let ankle_ax = acceleration.hip_x
+        - acceleration.thigh * kin.thigh_y
+        - c1 * kin.thigh_x
+        - acceleration.shank * kin.shank_y
+        - c2 * kin.shank_x;
+    let ankle_ay = acceleration.hip_y + acceleration.thigh * kin.thigh_x - c1 * kin.thigh_y
+        + acceleration.shank * kin.shank_x
+        - c2 * kin.shank_y;
+    // Force of the tube on the foot: m a = R + m g + contacts.
+    let rx =
+        body.foot_mass * ankle_ax - acceleration.foot * kin.foot_my - c3 * kin.foot_mx - loads.heel.x - loads.ball.x;
+    let ry = body.foot_mass * (ankle_ay + GRAVITY) + acceleration.foot * kin.foot_mx
+        - c3 * kin.foot_my
+        - loads.heel.y
+        - loads.ball.y;
+    let (axis_x, axis_y) = (-kin.shank_x / body.shank_length, -kin.shank_y / body.shank_length);
+    let (arm_x, arm_y) = (-axis_x * body.tube_length, -axis_y * body.tube_length);
+    Reactions {
+        trunk_torque: loads.hip.torque + body.trunk_inertia * trunk.acceleration - kin.trunk_my * acceleration.hip_x
+            + kin.trunk_mx * (acceleration.hip_y + GRAVITY),
+        tube_force: rx * axis_x + ry * axis_y,
+        tube_torque: loads.ankle.torque + arm_x * ry - arm_y * rx,
+    }
+}
+
+lanes! {
+    /// Mechanical energy, J.
+    pub struct Energy, EnergyLanes {
+        /// Kinetic energy of all segments, trunk rotation included.
+        kinetic: f64,
+        /// Potential energy, zero at hip height zero with all segments level.
+        potential: f64,
+    }
+}
+
+/// Mechanical energy of the segments.
+pub fn energy(body: &Body, kin: &Kinematics, motion: &Motion, trunk: &Prescribed) -> Energy {
+    let (vx, vy) = (motion.hip_vx, motion.hip_vy);
+    let (w0, w1, w2, w3) = (trunk.rate, motion.thigh_rate, motion.shank_rate, motion.foot_rate);
+    // Momentum of the first moments: sum of w_i (z x S_i).
+    let px = -(w0 * kin.trunk_my + w1 * kin.thigh_my + w2 * kin.shank_my + w3 * kin.foot_my);
+    let py = w0 * kin.trunk_mx + w1 * kin.thigh_mx + w2 * kin.shank_mx + w3 * kin.foot_mx;
+    let coupling = w1 * w2 * (kin.thigh_x * kin.shank_mx + kin.thigh_y * kin.shank_my)
+        + w1 * w3 * (kin.thigh_x * kin.foot_mx + kin.thigh_y * kin.foot_my)
+        + w2 * w3 * (kin.shank_x * kin.foot_mx + kin.shank_y * kin.foot_my);
+    let rotation = body.trunk_inertia * w0 * w0
+        + body.thigh_inertia * w1 * w1
+        + body.shank_inertia * w2 * w2
+        + body.foot_inertia * w3 * w3;
+    Energy {
+        kinetic: 0.5 * (body.mass * (vx * vx + vy * vy) + rotation) + vx * px + vy * py + coupling,
+        potential: GRAVITY * (body.mass * motion.hip_y + kin.trunk_my + kin.thigh_my + kin.shank_my + kin.foot_my),
+    }
+}

@@ -1,0 +1,52 @@
+//! Structure-of-arrays storage for blocks of `L` walkers.
+//!
+//! Physics is written on plain structs of `f64`. [`lanes!`](crate::lanes::lanes) derives from such a struct a second one
+//! whose every field is a column `[f64; L]`, with `get` and `set` that move one walker in and out. Inlined into
+//! `for lane in 0..L`, `get`, a branch-free function and `set` are what LLVM turns into vector code; with `L = 1` the
+//! same lines are the scalar reference.
+
+/// Declares a struct of scalars and its columns.
+macro_rules! lanes {
+    ($(#[$meta:meta])* pub struct $Scalar:ident, $Lanes:ident {
+        $($(#[$field_meta:meta])* $field:ident: $kind:ty,)+
+    }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct $Scalar { $($(#[$field_meta])* pub $field: $kind,)+ }
+
+        #[doc = concat!("Columns of [`", stringify!($Scalar), "`], one entry per lane.")]
+        #[derive(Clone, Debug)]
+        #[repr(align(64))]
+        pub struct $Lanes<const L: usize> { $($(#[$field_meta])* pub $field: [$kind; L],)+ }
+
+        #[allow(dead_code)]
+        impl<const L: usize> $Lanes<L> {
+            /// The walker in `lane`.
+            #[inline(always)]
+            pub fn get(&self, lane: usize) -> $Scalar { $Scalar { $($field: self.$field[lane],)+ } }
+            /// Replaces the walker in `lane`.
+            #[inline(always)]
+            pub fn set(&mut self, lane: usize, value: $Scalar) { $(self.$field[lane] = value.$field;)+ }
+            /// The same walker in every lane.
+            pub fn splat(value: $Scalar) -> Self { Self { $($field: [value.$field; L],)+ } }
+        }
+
+        impl<const L: usize> Default for $Lanes<L> {
+            fn default() -> Self { Self::splat($Scalar::default()) }
+        }
+    };
+}
+
+/// Makes columns of `f64` a vector that the steppers can add up.
+macro_rules! integrable {
+    ($Lanes:ident { $($field:ident),+ $(,)? }) => {
+        impl<const L: usize> $crate::integrator::StateVector<L> for $Lanes<L> {
+            #[inline(always)]
+            fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
+                $(for lane in 0..L { self.$field[lane] = base.$field[lane] + step[lane] * rate.$field[lane]; })+
+            }
+        }
+    };
+}
+
+pub(crate) use {integrable, lanes};

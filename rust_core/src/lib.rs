@@ -1,0 +1,41 @@
+//! Planar human-prosthesis walking simulator after Driessen, Laffranchi & De Michieli (2023), Wearable Technologies 4, e10.
+//!
+//! ```text
+//!                 intent, speed (scenario)                     pushes (disturbance)
+//!                        |                                            |
+//!        ┌───────────────v─────────── human_prosthesis ───────────────v──────────────┐
+//!        │   human_controller ──> hybrid_dynamics <──> compliant_ground              │
+//!        │                              ^                                            │
+//!        │                     prosthesis_device                                     │
+//!        └──────────────────────────────^──────────────────────────┬─────────────────┘
+//!                                       | command                  | loads, angles
+//!                            prosthesis_controller <── readings ── sensors
+//!                                       ^
+//!                                  agent (batch, environment)
+//! ```
+
+pub mod error;
+pub mod integrator;
+mod lanes;
+pub mod math;
+pub mod params;
+pub mod signals;
+
+pub mod compliant_ground;
+pub mod disturbance;
+pub mod human_controller;
+pub mod human_prosthesis;
+pub mod hybrid_dynamics;
+pub mod prosthesis_controller;
+pub mod prosthesis_device;
+pub mod scenario;
+pub mod sensors;
+pub mod simulation;
+
+pub mod batch;
+pub mod config;
+#[cfg(feature = "python")]
+mod python;
+pub mod recorder;
+pub mod reward;
+pub mod termination;

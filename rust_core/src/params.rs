@@ -1,0 +1,189 @@
+//! Declares a block's parameters once: field, unit, default, range and documentation.
+//!
+//! [`params!`](crate::params::params) makes of one declaration the struct, its defaults, its serde schema (unknown keys are
+//! errors), its range check, and the table that help texts and documentation pages are generated from.
+
+use crate::error::{Error, Result};
+
+/// Allowed values of a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    low: f64,
+    high: f64,
+    excludes_low: bool,
+}
+
+/// All values from `low` to `high`, both included.
+pub const fn within(low: f64, high: f64) -> Range {
+    Range { low, high, excludes_low: false }
+}
+
+/// All values above `low` (which is excluded, typically because something divides by it) up to `high`.
+pub const fn above(low: f64, high: f64) -> Range {
+    Range { low, high, excludes_low: true }
+}
+
+impl Range {
+    /// Whether `value` is a finite number in the range.
+    pub fn contains(self, value: f64) -> bool {
+        value <= self.high && if self.excludes_low { value > self.low } else { value >= self.low }
+    }
+
+    /// Returns an error naming `key` unless the range contains `value`.
+    pub fn check(self, key: &str, value: f64, unit: &str) -> Result<()> {
+        if self.contains(value) {
+            return Ok(());
+        }
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        Err(Error::OutOfRange { key: key.to_owned(), value: value.to_string(), range: format!("{self}{unit}") })
+    }
+}
+
+impl std::fmt::Display for Range {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let open = if self.excludes_low { '(' } else { '[' };
+        write!(f, "{open}{}, {}]", self.low, self.high)
+    }
+}
+
+/// One line of the parameter table.
+#[derive(Clone, Debug)]
+pub struct ParameterDoc {
+    /// Dotted path.
+    pub key: String,
+    /// Default as text.
+    pub default: String,
+    /// Unit, empty if none.
+    pub unit: &'static str,
+    /// Allowed range as text.
+    pub range: String,
+    /// Meaning and source.
+    pub doc: String,
+}
+
+/// What can stand as the value of a parameter.
+pub trait Parameter: Clone {
+    /// The numbers that must lie in the declared range.
+    fn numbers(&self) -> [f64; 2];
+    /// For tables.
+    fn text(&self) -> String;
+    /// Further conditions of the type itself.
+    fn check(&self, _key: &str) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl Parameter for f64 {
+    fn numbers(&self) -> [f64; 2] {
+        [*self; 2]
+    }
+    fn text(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl Parameter for usize {
+    fn numbers(&self) -> [f64; 2] {
+        [*self as f64; 2]
+    }
+    fn text(&self) -> String {
+        self.to_string()
+    }
+}
+
+impl Parameter for bool {
+    fn numbers(&self) -> [f64; 2] {
+        [f64::from(u8::from(*self)); 2]
+    }
+    fn text(&self) -> String {
+        self.to_string()
+    }
+}
+
+/// A fixed number, or a uniform distribution `[low, high]` that every episode draws from.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(untagged)]
+pub enum Span {
+    /// Always this value.
+    Fixed(f64),
+    /// Uniform between the two.
+    Uniform([f64; 2]),
+}
+
+impl Span {
+    /// Smallest and largest value.
+    pub fn bounds(self) -> [f64; 2] {
+        match self {
+            Self::Fixed(value) => [value; 2],
+            Self::Uniform(bounds) => bounds,
+        }
+    }
+
+    /// The value at `fraction` in [0, 1] of the way from low to high.
+    pub fn at(self, fraction: f64) -> f64 {
+        let [low, high] = self.bounds();
+        low + (high - low) * fraction
+    }
+}
+
+impl Parameter for Span {
+    fn numbers(&self) -> [f64; 2] {
+        self.bounds()
+    }
+    fn text(&self) -> String {
+        match self {
+            Self::Fixed(value) => value.to_string(),
+            Self::Uniform([low, high]) => format!("[{low}, {high}]"),
+        }
+    }
+    fn check(&self, key: &str) -> Result<()> {
+        let [low, high] = self.bounds();
+        if low <= high {
+            return Ok(());
+        }
+        Err(Error::OutOfRange { key: key.to_owned(), value: self.text(), range: "[low, high] with low <= high".into() })
+    }
+}
+
+/// See the module's documentation.
+macro_rules! params {
+    ($(#[doc = $struct_doc:literal])* pub struct $Name:ident {
+        $($(#[doc = $doc:literal])* $field:ident: $kind:ty = $default:expr, $unit:literal, $range:expr;)+
+    }) => {
+        $(#[doc = $struct_doc])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        pub struct $Name { $($(#[doc = $doc])* #[doc = concat!("\n\nUnit: ", $unit)] pub $field: $kind,)+ }
+
+        impl Default for $Name {
+            fn default() -> Self { Self { $($field: $default,)+ } }
+        }
+
+        impl $Name {
+            /// Checks every field against its range; `path` is the dotted path of this struct.
+            pub fn validate(&self, path: &str) -> $crate::error::Result<()> {
+                use $crate::params::Parameter;
+                $({
+                    let key = format!("{path}.{}", stringify!($field));
+                    for number in self.$field.numbers() { $range.check(&key, number, $unit)?; }
+                    self.$field.check(&key)?;
+                })+
+                Ok(())
+            }
+
+            /// The parameter table of this struct.
+            pub fn table(path: &str) -> Vec<$crate::params::ParameterDoc> {
+                use $crate::params::Parameter;
+                let defaults = Self::default();
+                vec![$($crate::params::ParameterDoc {
+                    key: format!("{path}.{}", stringify!($field)),
+                    default: defaults.$field.text(),
+                    unit: $unit,
+                    range: $range.to_string(),
+                    doc: concat!($($doc, "\n"),*).trim().to_owned(),
+                }),+]
+            }
+        }
+    };
+}
+pub(crate) use params;

@@ -1,0 +1,184 @@
+//! The Python module `prosthesis_gym._core`: the only file that names pyo3 and numpy.
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::batch::{Autoreset, Batch, StepOutput};
+use crate::config::Config;
+use crate::error::Error;
+use crate::prosthesis_controller::agent::CHANNELS;
+use crate::recorder::COLUMNS;
+use crate::reward::TERMS;
+use crate::termination::REASONS;
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        PyValueError::new_err(error.to_string())
+    }
+}
+
+fn read_config(config: &Bound<'_, PyAny>) -> PyResult<Config> {
+    Ok(Config::from_deserializer(&mut pythonize::Depythonizer::from_object(config))?)
+}
+
+fn zeros<'py, T: numpy::Element>(py: Python<'py>, length: usize) -> Bound<'py, PyArray1<T>> {
+    PyArray1::zeros(py, length, false)
+}
+
+type StepTuple<'py> = (
+    Bound<'py, PyArray2<f32>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray1<bool>>,
+    Bound<'py, PyArray2<f64>>,
+    Bound<'py, PyArray1<u8>>,
+    Option<Bound<'py, PyArray2<f32>>>,
+    Bound<'py, PyArray1<bool>>,
+);
+
+#[pyclass(name = "Batch", module = "prosthesis_gym._core")]
+struct PyBatch {
+    batch: Batch,
+    autoreset: Autoreset,
+}
+
+#[pymethods]
+impl PyBatch {
+    #[new]
+    #[pyo3(signature = (num_envs, config, autoreset = "next_step", threads = None))]
+    fn new(num_envs: usize, config: &Bound<'_, PyAny>, autoreset: &str, threads: Option<usize>) -> PyResult<Self> {
+        let autoreset = match autoreset {
+            "next_step" => Autoreset::NextStep,
+            "same_step" => Autoreset::SameStep,
+            "disabled" => Autoreset::Disabled,
+            other => {
+                let message = format!("autoreset = {other:?} must be one of 'next_step', 'same_step', 'disabled'");
+                return Err(PyValueError::new_err(message));
+            }
+        };
+        let config = read_config(config)?;
+        Ok(Self { batch: Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))?, autoreset })
+    }
+
+    #[getter]
+    fn num_envs(&self) -> usize {
+        self.batch.num_envs()
+    }
+
+    #[getter]
+    fn observation_size(&self) -> usize {
+        self.batch.observation_size()
+    }
+
+    #[pyo3(signature = (seeds = None, mask = None))]
+    fn reset<'py>(
+        &mut self,
+        py: Python<'py>,
+        seeds: Option<PyReadonlyArray1<'py, u64>>,
+        mask: Option<PyReadonlyArray1<'py, bool>>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let all = vec![true; self.batch.num_envs()];
+        let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?.unwrap_or(&all);
+        let seeds = seeds.as_ref().map(|seeds| seeds.as_slice()).transpose()?;
+        self.batch.reset(seeds, mask)?;
+        let observations = PyArray2::zeros(py, [self.batch.num_envs(), self.batch.observation_size()], false);
+        self.batch.observations(observations.readwrite().as_slice_mut()?);
+        Ok(observations)
+    }
+
+    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray1<'py, f64>) -> PyResult<StepTuple<'py>> {
+        let (count, size) = (self.batch.num_envs(), self.batch.observation_size());
+        let observations = PyArray2::<f32>::zeros(py, [count, size], false);
+        let rewards = zeros::<f64>(py, count);
+        let terminated = zeros::<bool>(py, count);
+        let truncated = zeros::<bool>(py, count);
+        let terms = PyArray2::<f64>::zeros(py, [count, TERMS.len()], false);
+        let reasons = zeros::<u8>(py, count);
+        let started = zeros::<bool>(py, count);
+        let finals = (self.autoreset == Autoreset::SameStep).then(|| PyArray2::<f32>::zeros(py, [count, size], false));
+        {
+            let actions = actions.as_slice()?;
+            let mut observations = observations.readwrite();
+            let mut rewards = rewards.readwrite();
+            let mut terminated = terminated.readwrite();
+            let mut truncated = truncated.readwrite();
+            let mut terms = terms.readwrite();
+            let mut reasons = reasons.readwrite();
+            let mut started = started.readwrite();
+            let mut finals = finals.as_ref().map(|finals| finals.readwrite());
+            let output = StepOutput {
+                observations: observations.as_slice_mut()?,
+                rewards: rewards.as_slice_mut()?,
+                terminated: terminated.as_slice_mut()?,
+                truncated: truncated.as_slice_mut()?,
+                terms: terms.as_slice_mut()?,
+                reasons: reasons.as_slice_mut()?,
+                final_observations: finals.as_mut().map(|finals| finals.as_slice_mut()).transpose()?.unwrap_or(&mut []),
+                started: started.as_slice_mut()?,
+            };
+            let batch = &mut self.batch;
+            py.detach(|| batch.step(actions, output))?;
+        }
+        Ok((observations, rewards, terminated, truncated, terms, reasons, finals, started))
+    }
+
+    fn record(&mut self, index: usize) -> PyResult<()> {
+        Ok(self.batch.record(index)?)
+    }
+
+    fn recording<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let columns = PyDict::new(py);
+        let rows = self.batch.recording().map_or(&[][..], |recorder| &recorder.rows);
+        for (i, name) in COLUMNS.iter().enumerate() {
+            columns.set_item(name, PyArray1::from_iter(py, rows.iter().map(|row| row[i])))?;
+        }
+        Ok(columns)
+    }
+
+    fn events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let events = PyDict::new(py);
+        let strikes = self.batch.recording().map_or(&[][..], |recorder| &recorder.strikes);
+        events.set_item("time_s", PyArray1::from_iter(py, strikes.iter().map(|strike| strike.time_s)))?;
+        events.set_item("leg", PyArray1::from_iter(py, strikes.iter().map(|strike| i64::from(strike.intact))))?;
+        events.set_item("hip_x_m", PyArray1::from_iter(py, strikes.iter().map(|strike| strike.hip_x_m)))?;
+        Ok(events)
+    }
+}
+
+/// Every configuration key with default, unit, range and meaning.
+#[pyfunction]
+fn parameters<'py>(py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    Config::table()
+        .into_iter()
+        .map(|row| {
+            let entry = PyDict::new(py);
+            entry.set_item("key", row.key)?;
+            entry.set_item("default", row.default)?;
+            entry.set_item("unit", row.unit)?;
+            entry.set_item("range", row.range)?;
+            entry.set_item("doc", row.doc)?;
+            Ok(entry)
+        })
+        .collect()
+}
+
+/// The complete, validated configuration that a partial one stands for.
+#[pyfunction]
+fn resolve<'py>(py: Python<'py>, config: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let config = read_config(config)?;
+    pythonize::pythonize(py, &config).map_err(|error| PyValueError::new_err(error.to_string()))
+}
+
+#[pymodule(gil_used = false)]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyBatch>()?;
+    module.add_function(wrap_pyfunction!(parameters, module)?)?;
+    module.add_function(wrap_pyfunction!(resolve, module)?)?;
+    module.add("TERMS", TERMS.to_vec())?;
+    module.add("REASONS", REASONS.to_vec())?;
+    let channels: Vec<_> = CHANNELS.iter().map(|c| (c.name, c.bounds[0], c.bounds[1], c.doc)).collect();
+    module.add("CHANNELS", channels)?;
+    Ok(())
+}

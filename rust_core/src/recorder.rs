@@ -1,0 +1,139 @@
+//! Recording of one walker at 200 Hz: the columns of a trial, in the units and signs of section 3.2 of the paper.
+
+use crate::human_controller::gait_fsm::IntactState;
+use crate::signals::GRAVITY;
+use crate::simulation::Simulation;
+
+/// Names of the columns, units included, in the order of every row.
+pub const COLUMNS: [&str; 34] = [
+    "time_s",
+    "intent",
+    "intended_speed_m_s",
+    "ambulation_speed_m_s",
+    "hip_x_m",
+    "hip_y_m",
+    "hip_vx_m_s",
+    "trunk_angle_deg",
+    "thigh_angle_deg",
+    "thigh_reference_deg",
+    "thigh_rough_reference_deg",
+    "knee_angle_deg",
+    "ankle_angle_deg",
+    "trunk_force_x_bw",
+    "trunk_force_y_bw",
+    "tube_force_bw",
+    "tube_moment_nm_kg",
+    "knee_torque_nm_kg",
+    "damper_torque_nm_kg",
+    "ankle_torque_nm_kg",
+    "hip_torque_nm_kg",
+    "extension_stop_torque_nm",
+    "flexion_stop_torque_nm",
+    "heel_height_m",
+    "ball_height_m",
+    "heel_force_bw",
+    "ball_force_bw",
+    "human_state",
+    "intact_leg_state",
+    "controller_state",
+    "command",
+    "extension_stop_peak_nm",
+    "pendulum_foot_x_m",
+    "push_force_n",
+];
+
+/// A foot strike, located in time by the stepper's events.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FootStrike {
+    /// Time, s.
+    pub time_s: f64,
+    /// Whether the intact leg struck (else the residual one).
+    pub intact: bool,
+    /// Hip position, m.
+    pub hip_x_m: f64,
+}
+
+/// Rows and foot strikes of one trial.
+#[derive(Clone, Debug, Default)]
+pub struct Recorder {
+    /// One value per column of [`COLUMNS`] and row.
+    pub rows: Vec<[f64; COLUMNS.len()]>,
+    /// In the order of time.
+    pub strikes: Vec<FootStrike>,
+}
+
+impl Recorder {
+    /// Appends the present sample of `lane`.
+    pub fn push<const L: usize>(&mut self, simulation: &Simulation<L>, lane: usize) {
+        self.push_strikes(simulation, lane);
+        self.rows.push(row(simulation, lane));
+    }
+
+    fn push_strikes<const L: usize>(&mut self, simulation: &Simulation<L>, lane: usize) {
+        let memory = simulation.plant.memory(lane);
+        let last = |intact: bool| self.strikes.iter().rev().find(|s| s.intact == intact).map_or(0.0, |s| s.time_s);
+        let residual = FootStrike { time_s: memory.step_start, intact: false, hip_x_m: memory.step_start_x };
+        let intact = FootStrike { time_s: memory.touch_down, intact: true, hip_x_m: memory.touch_down_x };
+        let grounded = matches!(memory.intact, IntactState::Stance | IntactState::Double);
+        let mut new = Vec::new();
+        if memory.heel_strikes > 0 && residual.time_s > last(false) {
+            new.push(residual);
+        }
+        if grounded && intact.time_s > last(true) {
+            new.push(intact);
+        }
+        new.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        self.strikes.extend(new);
+    }
+}
+
+fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS.len()] {
+    let plant = &simulation.plant;
+    let motion = simulation.state.motion.get(lane);
+    let smooth = simulation.state.reference.get(lane);
+    let time = simulation.state.rest.time[lane];
+    let body = plant.body(lane);
+    let memory = plant.memory(lane);
+    let device = plant.device(lane);
+    let trunk = plant.trunk_force(lane);
+    let reactions = plant.reactions(&simulation.state, lane);
+    let (pendulum_foot_x, grounded) = plant.pendulum_foot(lane);
+    let weight = body.mass * GRAVITY;
+    [
+        time,
+        plant.intent[lane],
+        plant.profile[lane].speed(time),
+        memory.ambulation_speed,
+        motion.hip_x,
+        motion.hip_y,
+        motion.hip_vx,
+        smooth.trunk.to_degrees(),
+        motion.thigh.to_degrees(),
+        (smooth.trunk + smooth.hip).to_degrees(),
+        plant.rough_thigh(&simulation.state, lane).to_degrees(),
+        device.knee_angle.to_degrees(),
+        // Positive dorsiflexion is -q8; a right angle between foot and shank is 0.
+        (motion.shank - motion.foot).to_degrees(),
+        trunk.x / weight,
+        trunk.y / weight,
+        -reactions.tube_force / weight,
+        -reactions.tube_torque / body.mass,
+        device.knee / body.mass,
+        device.damper / body.mass,
+        -device.ankle / body.mass,
+        plant.hip_torque(lane) / body.mass,
+        device.extension_stop,
+        device.flexion_stop,
+        plant.foot_point(&simulation.state, 0, lane).y,
+        plant.foot_point(&simulation.state, 1, lane).y,
+        plant.contact(0, lane).normal / weight,
+        plant.contact(1, lane).normal / weight,
+        f64::from(memory.residual as u8),
+        f64::from(memory.intact as u8),
+        f64::from(simulation.state_machine[lane].phase as u8),
+        plant.command[lane],
+        plant.extension_stop_peak[lane],
+        if grounded { pendulum_foot_x } else { f64::NAN },
+        plant.push_x[lane],
+    ]
+}

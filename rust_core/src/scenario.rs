@@ -1,0 +1,142 @@
+//! Scenario: what happens to the walker in an episode, drawn from the environment's own random stream.
+
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+use crate::disturbance::Push;
+use crate::human_controller::intent::{Knot, Profile};
+use crate::human_prosthesis::Start;
+use crate::params::{Parameter, Span, params, within};
+use crate::signals::CONTROL_PERIOD_S;
+
+/// Start posture of an episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StartChoice {
+    /// Always from standing.
+    Standing,
+    /// Always at the heel strike of a cyclic step.
+    Cyclic,
+    /// Either with equal odds.
+    #[default]
+    Random,
+}
+
+impl Parameter for StartChoice {
+    fn numbers(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+    fn text(&self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+}
+
+params! {
+    /// Distributions that an episode is drawn from; a number is a fixed value, `[low, high]` a uniform distribution.
+    pub struct ScenarioParams {
+        /// Start posture: standing, cyclic or random.
+        start: StartChoice = StartChoice::Random, "", within(0.0, 0.0);
+        /// Length of an episode, after which it is truncated.
+        duration_s: f64 = 12.0, "s", within(0.1, 1e4);
+        /// Intended speed.
+        speed_m_s: Span = Span::Uniform([0.8, 1.5]), "m/s", within(0.3, 2.5);
+        /// Time at which the intended speed is drawn anew; later than the episode's end for never.
+        speed_change_s: Span = Span::Uniform([3.0, 9.0]), "s", within(0.0, 1e4);
+        /// Time at which a walker that starts from standing intends to walk.
+        walk_s: Span = Span::Uniform([0.1, 0.5]), "s", within(0.0, 1e4);
+        /// Size of the push on the trunk; forward or backward with equal odds.
+        push_n: Span = Span::Uniform([0.0, 300.0]), "N", within(0.0, 1e4);
+        /// Time of the push.
+        push_s: Span = Span::Uniform([2.0, 10.0]), "s", within(0.0, 1e4);
+        /// Duration of the push.
+        push_duration_s: Span = Span::Fixed(0.15), "s", within(0.0, 100.0);
+        /// Intent and speed over time, a list of {time_s, speed_m_s, walk}; if not empty, in place of the drawn ones. Speed is linear between knots, a step where two share a time.
+        profile: Profile = Profile::default(), "", within(0.0, 0.0);
+    }
+}
+
+/// One drawn episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Episode {
+    /// Start posture.
+    pub start: Start,
+    /// Intent and speed.
+    pub profile: Profile,
+    /// The push.
+    pub push: Push,
+}
+
+impl ScenarioParams {
+    /// Length of an episode in control samples.
+    pub fn samples(&self) -> u64 {
+        samples(self.duration_s)
+    }
+
+    /// Draws an episode. Always takes the same number of random values, whatever the parameters.
+    pub fn draw(&self, random: &mut impl Rng) -> Episode {
+        let mut fraction = || random.random::<f64>();
+        let coin = fraction();
+        let speeds = [self.speed_m_s.at(fraction()), self.speed_m_s.at(fraction())];
+        let change_s = self.speed_change_s.at(fraction());
+        let walk_s = self.walk_s.at(fraction());
+        let push_n = self.push_n.at(fraction());
+        let push_sign = if fraction() < 0.5 { -1.0 } else { 1.0 };
+        let push_s = self.push_s.at(fraction());
+        let push_duration_s = self.push_duration_s.at(fraction());
+
+        let start = match self.start {
+            StartChoice::Standing => Start::Standing,
+            StartChoice::Cyclic => Start::Cyclic,
+            StartChoice::Random => {
+                if coin < 0.5 {
+                    Start::Standing
+                } else {
+                    Start::Cyclic
+                }
+            }
+        };
+        let profile = if self.profile.knots.is_empty() {
+            drawn_profile(start, speeds, change_s, walk_s)
+        } else {
+            self.profile.clone()
+        };
+        let first_sample = samples(push_s);
+        let push =
+            Push { force_x_n: push_sign * push_n, first_sample, end_sample: first_sample + samples(push_duration_s) };
+        Episode { start, profile, push }
+    }
+}
+
+fn samples(seconds: f64) -> u64 {
+    (seconds / CONTROL_PERIOD_S).round() as u64
+}
+
+fn drawn_profile(start: Start, [first, second]: [f64; 2], change_s: f64, walk_s: f64) -> Profile {
+    let from_standing = start == Start::Standing;
+    let knot = |time_s: f64, speed_m_s: f64, walk: bool| Knot { time_s, speed_m_s, walk };
+    let mut knots = vec![knot(0.0, first, !from_standing)];
+    if from_standing {
+        knots.push(knot(walk_s.min(change_s), first, true));
+    }
+    knots.extend([knot(change_s, first, true), knot(change_s, second, true)]);
+    Profile { knots }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_stay_in_their_distributions_and_differ_between_streams() {
+        let params = ScenarioParams::default();
+        let episodes: Vec<_> = (0..200).map(|stream| params.draw(&mut rand_pcg::Pcg64::new(1, stream))).collect();
+        for episode in &episodes {
+            assert!(episode.profile.knots.iter().all(|knot| (0.8..=1.5).contains(&knot.speed_m_s)));
+            assert!(episode.push.force_x_n.abs() <= 300.0);
+            assert_eq!(episode.push.end_sample - episode.push.first_sample, 30);
+        }
+        assert!(episodes.windows(2).all(|pair| pair[0] != pair[1]));
+        let standing = episodes.iter().filter(|episode| episode.start == Start::Standing).count();
+        assert!((70..130).contains(&standing), "{standing}");
+    }
+}

@@ -1,0 +1,246 @@
+//! The closed loop of Figure 1, one control period at a time.
+//!
+//! ```text
+//!   scenario ── intent, push ─> human-prosthesis system (continuous: human_prosthesis.rs, integrator.rs)
+//!                                  ^ command                  | true quantities
+//!                                  |                          v
+//!             prosthesis controller (state machine or agent) <── sensors        (200 Hz)
+//! ```
+
+use crate::config::{Config, SolverParams};
+use crate::human_prosthesis::{HumanProsthesis, State};
+use crate::integrator::{self, HybridFlow, StateVector, Workspace};
+use crate::prosthesis_controller::damper_fsm::{DamperFsm, DamperFsmParams};
+use crate::scenario::Episode;
+use crate::sensors::{SensorMemory, Sensors};
+use crate::signals::{CONTROL_PERIOD_S, Measurand, Readings};
+
+/// A block of `L` walkers with their controllers' inputs and outputs.
+#[derive(Clone, Debug)]
+pub struct Simulation<const L: usize> {
+    /// Human, mechanism, ground and device.
+    pub plant: HumanProsthesis<L>,
+    /// Continuous state.
+    pub state: State<L>,
+    /// Last sensor readings.
+    pub readings: [Readings; L],
+    /// State machine of each walker: it listens even where an agent commands.
+    pub state_machine: [DamperFsm; L],
+    /// What the state machine commands from the last readings, N m s^2/rad^2.
+    pub state_machine_command: [f64; L],
+    /// Control periods since the start of the trial.
+    pub sample: [u64; L],
+    episode: [Option<Episode>; L],
+    sensors: Sensors,
+    sensor_memory: [SensorMemory; L],
+    fsm_params: DamperFsmParams,
+    solver: SolverParams,
+    work: Workspace<State<L>>,
+    scratch: State<L>,
+}
+
+impl<const L: usize> Simulation<L> {
+    /// Walkers that each wait for [`start`](Self::start).
+    pub fn new(config: &Config) -> Self {
+        let state = State::default();
+        Self {
+            plant: HumanProsthesis::new(config),
+            readings: [Readings::default(); L],
+            state_machine: [DamperFsm::default(); L],
+            state_machine_command: [0.0; L],
+            sample: [0; L],
+            episode: std::array::from_fn(|_| None),
+            sensors: Sensors::from(&config.sensors),
+            sensor_memory: [SensorMemory::default(); L],
+            fsm_params: config.state_machine.clone(),
+            solver: config.solver,
+            work: Workspace::new(&state),
+            scratch: state.clone(),
+            state,
+        }
+    }
+
+    /// Starts `episode` in `lane`; call [`observe_started`](Self::observe_started) after the last start.
+    pub fn start(&mut self, lane: usize, episode: Episode) {
+        self.plant.profile[lane].clone_from(&episode.profile);
+        self.plant.start(&mut self.state, lane, episode.start);
+        self.plant.command[lane] = 0.0;
+        self.state_machine[lane] = DamperFsm::default();
+        self.sample[lane] = 0;
+        self.episode[lane] = Some(episode);
+    }
+
+    /// First sample of the lanes that have just been started.
+    pub fn observe_started(&mut self, started: &[bool; L]) {
+        self.set_inputs();
+        self.evaluate();
+        for lane in (0..L).filter(|&lane| started[lane]) {
+            self.sensor_memory[lane] = self.sensors.start(&self.measure(lane));
+            self.observe(lane);
+        }
+    }
+
+    /// One control period with the given commands (damping coefficients, N m s^2/rad^2).
+    #[inline(always)]
+    pub fn advance(&mut self, commands: &[f64; L]) {
+        self.plant.command = *commands;
+        self.plant.extension_stop_peak = [0.0; L];
+        self.set_inputs();
+        self.react();
+        let Self { plant, state, work, solver, .. } = self;
+        integrator::advance(plant, state, work, solver.stepper, CONTROL_PERIOD_S, solver.steps);
+        self.finish_period();
+    }
+
+    /// Like [`advance`](Self::advance) with the configured stepper, and integrates the work of all forces beside the state.
+    pub fn advance_metered(&mut self, commands: &[f64; L], meter: &mut EnergyMeter<L>) {
+        self.plant.command = *commands;
+        self.plant.extension_stop_peak = [0.0; L];
+        self.set_inputs();
+        self.react();
+        let mut flow = Metered { plant: &mut self.plant };
+        let mut state = MeteredState { state: self.state.clone(), meter: meter.clone() };
+        let mut work = Workspace::new(&state);
+        integrator::advance(&mut flow, &mut state, &mut work, self.solver.stepper, CONTROL_PERIOD_S, self.solver.steps);
+        self.state = state.state;
+        *meter = state.meter;
+        self.finish_period();
+    }
+
+    /// Intent and pushes of the control period that begins now.
+    #[inline(always)]
+    fn set_inputs(&mut self) {
+        for lane in 0..L {
+            let time = self.sample[lane] as f64 * CONTROL_PERIOD_S;
+            self.plant.intent[lane] = f64::from(u8::from(self.plant.profile[lane].walks(time)));
+            self.plant.push_x[lane] = self.episode[lane].as_ref().map_or(0.0, |e| e.push.force_x(self.sample[lane]));
+        }
+    }
+
+    /// Lets the human react to inputs that have just changed.
+    #[inline(always)]
+    fn react(&mut self) {
+        let fired = self.plant.fired(&self.state);
+        if fired.contains(&true) {
+            self.plant.transition(&mut self.state, &fired);
+        }
+    }
+
+    #[inline(always)]
+    fn finish_period(&mut self) {
+        self.evaluate();
+        for lane in 0..L {
+            self.sample[lane] += 1;
+            self.observe(lane);
+        }
+    }
+
+    /// Evaluates forces and accelerations at the present state.
+    #[inline(always)]
+    fn evaluate(&mut self) {
+        self.plant.sense(&self.state);
+        self.plant.rates(&self.state, &[0.0; L], &mut self.scratch);
+    }
+
+    #[inline(always)]
+    fn measure(&self, lane: usize) -> Measurand {
+        let motion = self.state.motion.get(lane);
+        let reactions = self.plant.reactions(&self.state, lane);
+        let mass = self.plant.body(lane).mass;
+        Measurand {
+            knee_angle: motion.thigh - motion.shank,
+            tube_force_bw: -reactions.tube_force / (mass * crate::signals::GRAVITY),
+            tube_moment_nm_kg: -reactions.tube_torque / mass,
+            shank_angle: motion.shank,
+            shank_rate: motion.shank_rate,
+        }
+    }
+
+    #[inline(always)]
+    fn observe(&mut self, lane: usize) {
+        let (memory, readings) = self.sensors.sample(&self.sensor_memory[lane], &self.measure(lane));
+        self.sensor_memory[lane] = memory;
+        self.readings[lane] = readings;
+        self.state_machine_command[lane] = self.state_machine[lane].update(&self.fsm_params, &readings);
+    }
+
+    /// Sum of all continuous state variables of a lane: finite only if all of them are.
+    #[inline(always)]
+    pub fn checksum(&self, lane: usize) -> f64 {
+        let m = self.state.motion.get(lane);
+        let r = self.state.reference.get(lane);
+        let d = self.state.rest.get(lane);
+        (m.hip_x + m.hip_y + m.thigh + m.shank + m.foot)
+            + (m.hip_vx + m.hip_vy + m.thigh_rate + m.shank_rate + m.foot_rate)
+            + (r.trunk + r.trunk_rate + r.hip + r.hip_rate)
+            + (d.heel + d.ball + d.knee + d.hip)
+    }
+}
+
+const POWERS: usize = crate::human_prosthesis::POWERS.len();
+
+/// Work of each of [`POWERS`](crate::human_prosthesis::POWERS) and the energy exchanged, J.
+#[derive(Clone, Debug)]
+pub struct EnergyMeter<const L: usize> {
+    /// Net work.
+    pub work: [[f64; L]; POWERS],
+    /// Time integral of the absolute power.
+    pub exchanged: [[f64; L]; POWERS],
+}
+
+impl<const L: usize> Default for EnergyMeter<L> {
+    fn default() -> Self {
+        Self { work: [[0.0; L]; POWERS], exchanged: [[0.0; L]; POWERS] }
+    }
+}
+
+#[derive(Clone, Debug)]
+struct MeteredState<const L: usize> {
+    state: State<L>,
+    meter: EnergyMeter<L>,
+}
+
+impl<const L: usize> StateVector<L> for MeteredState<L> {
+    fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
+        self.state.add_scaled(&base.state, step, &rate.state);
+        for power in 0..POWERS {
+            for lane in 0..L {
+                self.meter.work[power][lane] = base.meter.work[power][lane] + step[lane] * rate.meter.work[power][lane];
+                self.meter.exchanged[power][lane] =
+                    base.meter.exchanged[power][lane] + step[lane] * rate.meter.exchanged[power][lane];
+            }
+        }
+    }
+}
+
+/// The plant with its work integrated beside its state, by the same quadrature.
+struct Metered<'a, const L: usize> {
+    plant: &'a mut HumanProsthesis<L>,
+}
+
+impl<const L: usize> HybridFlow<L> for Metered<'_, L> {
+    type State = MeteredState<L>;
+
+    fn sense(&mut self, state: &Self::State) {
+        self.plant.sense(&state.state);
+    }
+
+    fn rates(&mut self, state: &Self::State, implicit_step: &[f64; L], rates: &mut Self::State) {
+        self.plant.rates(&state.state, implicit_step, &mut rates.state);
+        for lane in 0..L {
+            let powers = self.plant.powers(&state.state, lane);
+            for (power, &watts) in powers.iter().enumerate() {
+                rates.meter.work[power][lane] = watts;
+                rates.meter.exchanged[power][lane] = watts.abs();
+            }
+        }
+    }
+
+    fn fired(&self, state: &Self::State) -> [bool; L] {
+        self.plant.fired(&state.state)
+    }
+
+    fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]) {
+        self.plant.transition(&mut state.state, fired);
+    }
+}

@@ -1,0 +1,69 @@
+//! Termination: what ends an episode early, each with a reason.
+
+use crate::params::{params, within};
+
+params! {
+    /// Limits beyond which an episode ends.
+    pub struct TerminationParams {
+        /// Hip height below which the walker has fallen.
+        hip_height_m: f64 = 0.6, "m", within(0.0, 1.5);
+        /// Knee hyperextension that ends an episode (the stop's rubber is gone).
+        knee_hyperextension_deg: f64 = 5.0, "deg", within(0.0, 90.0);
+        /// Knee flexion that ends an episode.
+        knee_flexion_deg: f64 = 125.0, "deg", within(30.0, 180.0);
+        /// Ankle deflection from rest, either way, that ends an episode.
+        ankle_deg: f64 = 60.0, "deg", within(5.0, 180.0);
+    }
+}
+
+/// Why an episode ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Reason {
+    /// It has not ended.
+    #[default]
+    None,
+    /// The hip fell below its limit.
+    HipHeight,
+    /// Knee or ankle went beyond its limit.
+    JointLimit,
+    /// The state is not finite: the integration diverged.
+    NonFinite,
+    /// Its time is over (truncation, not failure).
+    TimeLimit,
+}
+
+/// Names of [`Reason`], by its number.
+pub const REASONS: [&str; 5] = ["none", "hip_height", "joint_limit", "non_finite", "time_limit"];
+
+/// What termination looks at.
+#[derive(Clone, Copy, Debug)]
+pub struct Posture {
+    /// Hip height above ground, m.
+    pub hip_height: f64,
+    /// Knee flexion, rad.
+    pub knee_flexion: f64,
+    /// Ankle angle from rest, rad.
+    pub ankle: f64,
+    /// Sum of all state variables: not finite if any of them is not.
+    pub checksum: f64,
+}
+
+impl TerminationParams {
+    /// Whether and why the posture ends the episode.
+    pub fn check(&self, posture: &Posture) -> Reason {
+        let knee_deg = posture.knee_flexion.to_degrees();
+        if !posture.checksum.is_finite() {
+            Reason::NonFinite
+        } else if posture.hip_height < self.hip_height_m {
+            Reason::HipHeight
+        } else if knee_deg < -self.knee_hyperextension_deg
+            || knee_deg > self.knee_flexion_deg
+            || posture.ankle.to_degrees().abs() > self.ankle_deg
+        {
+            Reason::JointLimit
+        } else {
+            Reason::None
+        }
+    }
+}

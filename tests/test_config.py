@@ -1,0 +1,94 @@
+"""The schema: errors name the key, the value and what is allowed."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from prosthesis_gym import _core
+from prosthesis_gym.config import apply_settings, load_config, merge, resolve
+
+
+@pytest.mark.parametrize(
+    ("config", "complaint"),
+    [
+        ({"knee": {"sprin_nm_rad": 1.0}}, "knee.sprin_nm_rad: unknown field"),
+        ({"reward": {"style": 1.0}}, "reward.style: unknown field `style`, expected one of `alive`"),
+        ({"knees": {}}, "knees: unknown field"),
+        ({"body": {"thigh_mass_kg": -1.0}}, "body.thigh_mass_kg = -1 is outside its allowed range (0, 100] kg"),
+        ({"body": {"thigh_mass_kg": float("nan")}}, "body.thigh_mass_kg = NaN is outside"),
+        ({"body": {"trunk_mass_kg": float("inf")}}, "body.trunk_mass_kg = inf is outside"),
+        ({"ground": {"friction": 0.0}}, "ground.friction = 0 is outside its allowed range (0, 10]"),
+        ({"ground": {"damping_ns_m15": 0.0}}, "ground.damping_ns_m15 = 0 is outside its allowed range (0, "),
+        ({"scenario": {"speed_m_s": [1.5, 0.8]}}, "scenario.speed_m_s = [1.5, 0.8] is outside"),
+        ({"scenario": {"speed_m_s": [0.8, 9.0]}}, "scenario.speed_m_s = 9 is outside"),
+        ({"scenario": {"profile": [{"time_s": 0.0, "speed_m_s": 1.0}]}}, "scenario.profile[0]: missing field `walk`"),
+        ({"action": {"mode": "torque"}}, "action.mode: unknown variant `torque`, expected one of `direct`"),
+        ({"action": {"hold": 0}}, "action.hold = 0 is outside its allowed range [1, 200] samples"),
+        ({"solver": {"stepper": "rk4", "steps": 5}}, "solver.steps = 5 is outside its allowed range [20, "),
+        ({"end_stop": {"extension_angle_deg": 59.0, "flexion_angle_deg": 60.0}}, "end_stop.flexion_angle_deg = 60"),
+        ({"body": {"ball_x_m": -0.1}}, "body.ball_x_m = -0.1 must lie ahead"),
+    ],
+)
+def test_bad_configurations_are_named(config: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(complaint)):
+        resolve(config)
+
+
+def test_the_parameter_table_is_the_schema() -> None:
+    """Every row's key exists in the resolved configuration, and every key of that has a row."""
+    complete = resolve({})
+    keys = {f"{section}.{key}" for section, values in complete.items() for key in values}
+    assert keys == {row["key"] for row in _core.parameters()}
+    assert all(row["doc"] for row in _core.parameters())
+
+
+def test_resolving_twice_changes_nothing() -> None:
+    once = resolve({"knee": {"spring_nm_rad": 1.0}, "scenario": {"speed_m_s": [0.9, 1.1], "push_n": 5.0}})
+    assert once["knee"]["spring_nm_rad"] == 1.0
+    assert resolve(once) == once
+
+
+def test_settings_are_read_as_toml_and_do_not_touch_their_base() -> None:
+    base = {"knee": {"spring_nm_rad": 2.0}}
+    settings = ["knee.spring_nm_rad=1.5", "scenario.speed_m_s=[0.9, 1.2]", "action.mode=residual"]
+    changed = apply_settings(base, [*settings, "state_machine.recovery=false"])
+    assert changed == {
+        "knee": {"spring_nm_rad": 1.5},
+        "scenario": {"speed_m_s": [0.9, 1.2]},
+        "action": {"mode": "residual"},
+        "state_machine": {"recovery": False},
+    }
+    assert base == {"knee": {"spring_nm_rad": 2.0}}
+    for bad in ("knee.spring_nm_rad", "=1", "knee.=1"):
+        with pytest.raises(ValueError, match=r"section\.key=value"):
+            apply_settings({}, [bad])
+
+
+def test_merge_replaces_values_and_keeps_the_rest() -> None:
+    merged = merge({"a": {"x": 1, "y": 2}, "b": {"z": 3}}, {"a": {"y": 5}, "c": {"w": 1}})
+    assert merged == {"a": {"x": 1, "y": 5}, "b": {"z": 3}, "c": {"w": 1}}
+
+
+def test_files_are_checked_when_they_are_read(tmp_path: Path) -> None:
+    good = tmp_path / "good.toml"
+    good.write_text("[knee]\nspring_nm_rad = 1.0\n")
+    assert load_config(good) == {"knee": {"spring_nm_rad": 1.0}}
+    broken = tmp_path / "broken.toml"
+    broken.write_text("[knee\n")
+    with pytest.raises(ValueError, match=r"broken\.toml"):
+        load_config(broken)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ((0, {}), "num_envs = 0 is outside"),
+        ((1, {}, "later"), 'autoreset = "later"'),
+        ((1, {}, "disabled", 100_000), "threads = 100000 is outside"),
+    ],
+)
+def test_bad_batch_arguments_are_named(arguments: tuple[Any, ...], complaint: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(complaint)):
+        _core.Batch(*arguments)

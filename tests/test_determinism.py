@@ -1,0 +1,68 @@
+"""Same seed, same trajectories, bit for bit, whatever the batch size, the position in it and the thread count."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from prosthesis_gym import _core
+from prosthesis_gym.config import REFERENCE_SOLVER, Config
+
+STEPS = 600
+
+
+def trajectory(config: Config, count: int, threads: int, seeds: NDArray[np.uint64]) -> NDArray[np.float64]:
+    """Observations and rewards of every step, (steps, N, size + 1); environment i acts by its own seed."""
+    batch = _core.Batch(count, config, "same_step", threads)
+    rngs = [np.random.default_rng(int(seed)) for seed in seeds]
+    rows = [np.column_stack([batch.reset(seeds), np.zeros(count)])]
+    for _ in range(STEPS):
+        actions = np.array([rng.uniform(-1.0, 1.0) for rng in rngs])
+        observations, rewards, *_ = batch.step(actions)
+        rows.append(np.column_stack([observations, rewards]))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("solver", [{}, REFERENCE_SOLVER], ids=["fast", "reference"])
+def test_a_batch_equals_its_environments_one_by_one(solver: Config) -> None:
+    seeds = np.arange(21, dtype=np.uint64)
+    together = trajectory(solver, 21, 2, seeds)
+    for index in (0, 7, 8, 13, 20):
+        alone = trajectory(solver, 1, 1, seeds[index : index + 1])
+        np.testing.assert_array_equal(together[:, index], alone[:, 0])
+
+
+def test_the_number_of_threads_changes_nothing() -> None:
+    seeds = np.arange(200, dtype=np.uint64)
+    one, two, five = (trajectory({}, 200, threads, seeds) for threads in (1, 2, 5))
+    np.testing.assert_array_equal(one, two)
+    np.testing.assert_array_equal(one, five)
+
+
+def test_position_in_the_batch_changes_nothing() -> None:
+    seeds = np.arange(40, dtype=np.uint64)
+    order = np.random.default_rng(0).permutation(40)
+    straight = trajectory({}, 40, 1, seeds)
+    shuffled = trajectory({}, 40, 1, seeds[order])
+    np.testing.assert_array_equal(straight[:, order], shuffled)
+
+
+def test_diverging_walkers_end_with_a_reason_and_leave_their_neighbours_alone() -> None:
+    """Explicit steps of 0.25 ms diverge on this ground, at another time for every walker."""
+    config = {"solver": {"stepper": "rk4", "steps": 20}, "ground": {"stiffness_n_m15": 1e6, "damping_ns_m15": 1e6}}
+    seeds = np.arange(16, dtype=np.uint64)
+    batch = _core.Batch(16, config, "same_step", 1)
+    batch.reset(seeds)
+    diverged = 0
+    for _ in range(1000):
+        observations, rewards, terminated, _, terms, codes, *_ = batch.step(np.full(16, -1.0))
+        for outputs in (observations, rewards, terms):
+            assert np.isfinite(outputs).all()
+        non_finite = codes == _core.REASONS.index("non_finite")
+        assert terminated[non_finite].all()
+        diverged += int(non_finite.sum())
+    assert diverged > 5
+
+    together = trajectory(config, 16, 1, seeds)
+    for index in (0, 5, 15):
+        alone = trajectory(config, 1, 1, seeds[index : index + 1])
+        np.testing.assert_array_equal(together[:, index], alone[:, 0])

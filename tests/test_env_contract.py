@@ -1,0 +1,214 @@
+"""Contracts of Gymnasium and stable-baselines3, over every registered environment."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from numpy.typing import NDArray
+from stable_baselines3.common.env_checker import check_env as sb3_check_env
+
+from prosthesis_gym import DamperKneeVectorEnv, _core
+
+MODES = list(AutoresetMode)
+
+
+def random_actions(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
+    return rng.uniform(-1.0, 1.0, (count, 1)).astype(np.float32)
+
+
+def test_gymnasium_check_env_passes(env_id: str) -> None:
+    check_env(gymnasium.make(env_id).unwrapped)
+
+
+def test_stable_baselines3_check_env_passes(env_id: str) -> None:
+    sb3_check_env(gymnasium.make(env_id).unwrapped)
+
+
+def test_make_vec_gives_the_native_vector_env_with_its_spaces(env_id: str) -> None:
+    envs = gymnasium.make_vec(env_id, num_envs=5, config={"observation": {"frames": 3}})
+    assert isinstance(envs.unwrapped, DamperKneeVectorEnv)
+    observations, _ = envs.reset(seed=1)
+    assert observations.dtype == np.float32
+    assert observations.shape == (5, 3 * len(_core.CHANNELS))
+    assert envs.observation_space.contains(observations)
+    assert envs.action_space.shape == (5, 1)
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_vector_env_does_what_gymnasiums_sync_vector_env_does(env_id: str, mode: AutoresetMode) -> None:
+    config = {"scenario": {"duration_s": 1.5}}
+    native = gymnasium.make_vec(env_id, num_envs=4, config=config, autoreset_mode=mode)
+    makers = [lambda: gymnasium.make(env_id, config=config) for _ in range(4)]
+    peer = SyncVectorEnv(makers, autoreset_mode=mode)
+    rng = np.random.default_rng(5)
+    ours, _ = native.reset(seed=11)
+    theirs, _ = peer.reset(seed=11)
+    np.testing.assert_array_equal(ours, theirs)
+    endings = 0
+    for _ in range(1000):
+        actions = random_actions(rng, 4)
+        ours, our_rewards, our_terminated, our_truncated, our_infos = native.step(actions)
+        theirs, rewards, terminated, truncated, infos = peer.step(actions)
+        np.testing.assert_array_equal(ours, theirs)
+        np.testing.assert_array_equal(our_rewards, rewards)
+        np.testing.assert_array_equal(our_terminated, terminated)
+        np.testing.assert_array_equal(our_truncated, truncated)
+        ended = terminated | truncated
+        endings += int(ended.sum())
+        if mode == AutoresetMode.SAME_STEP and ended.any():
+            np.testing.assert_array_equal(our_infos["_final_obs"], infos["_final_obs"])
+            for ours_final, theirs_final in zip(our_infos["final_obs"], infos["final_obs"], strict=True):
+                assert (ours_final is None) == (theirs_final is None)
+                assert ours_final is None or np.array_equal(ours_final, theirs_final)
+    assert endings > 4
+
+
+def test_disabled_autoreset_wants_a_reset_of_what_has_ended_and_of_nothing_else(env_id: str) -> None:
+    envs = gymnasium.make_vec(
+        env_id, num_envs=6, autoreset_mode=AutoresetMode.DISABLED, config={"scenario": {"duration_s": 20.0}}
+    )
+    rng = np.random.default_rng(2)
+    observations, _ = envs.reset(seed=3)
+    ended = np.zeros(6, dtype=bool)
+    while not ended.any():
+        observations, _, terminated, truncated, _ = envs.step(random_actions(rng, 6))
+        ended = terminated | truncated
+    with pytest.raises(ValueError, match="has ended"):
+        envs.step(random_actions(rng, 6))
+    after, _ = envs.reset(options={"reset_mask": ended})
+    np.testing.assert_array_equal(after[~ended], observations[~ended])
+    assert (after[ended] != observations[ended]).any(axis=1).all()
+    envs.step(random_actions(rng, 6))
+
+
+def test_seeded_episodes_repeat_and_unseeded_ones_differ(env_id: str) -> None:
+    env = gymnasium.make(env_id)
+
+    def episode(seed: int | None) -> NDArray[np.float32]:
+        rng = np.random.default_rng(0)
+        frames = [env.reset(seed=seed)[0]]
+        frames += [env.step(random_actions(rng, 1)[0])[0] for _ in range(100)]
+        return np.array(frames)
+
+    first, second, again = episode(7), episode(None), episode(7)
+    np.testing.assert_array_equal(first, again)
+    assert (first != second).any()
+
+
+def test_every_end_has_a_reason_and_the_time_limit_truncates(env_id: str) -> None:
+    config = {"scenario": {"duration_s": 0.5, "push_n": 0.0, "start": "standing"}, "action": {"mode": "state_machine"}}
+    env = gymnasium.make(env_id, config=config)
+    env.reset(seed=0)
+    for step in range(1, 101):
+        *_, terminated, truncated, info = env.step(np.zeros(1, dtype=np.float32))
+        assert not terminated
+        assert truncated == (step == 100)
+    assert info["termination_reason"] == "time_limit"
+
+    falling = gymnasium.make(env_id, config={"action": {"mode": "constant"}, "state_machine": {"recovery": False}})
+    reasons = set()
+    for seed in range(5):
+        falling.reset(seed=seed)
+        terminated = truncated = False
+        while not (terminated or truncated):
+            *_, terminated, truncated, info = falling.step(np.zeros(1, dtype=np.float32))
+        reasons.add(info["termination_reason"])
+        assert terminated == (info["termination_reason"] != "time_limit")
+    assert "hip_height" in reasons
+
+
+def test_max_episode_steps_counts_env_steps(env_id: str) -> None:
+    envs = gymnasium.make_vec(env_id, num_envs=2, max_episode_steps=7, config={"action": {"hold": 4}})
+    envs.reset(seed=0)
+    truncations = [envs.step(np.zeros((2, 1), dtype=np.float32))[3].all() for _ in range(7)]
+    assert truncations == [False] * 6 + [True]
+
+
+@pytest.mark.parametrize(
+    ("actions", "complaint"),
+    [
+        (np.full((3, 1), np.nan, dtype=np.float32), r"actions\[0\] = nan"),
+        (np.array([[0.0], [np.inf], [0.0]]), r"actions\[1\] = inf"),
+        (np.zeros((3, 2), dtype=np.float32), r"shape \(3, 2\), must be \(3, 1\)"),
+        (np.zeros((2, 1), dtype=np.float32), r"shape \(2, 1\), must be \(3, 1\)"),
+        (np.zeros((3, 1), dtype=np.int64), "dtype int64"),
+        (np.array([["a"], ["b"], ["c"]]), "dtype <U1"),
+    ],
+)
+def test_bad_actions_are_named_and_change_nothing(env_id: str, actions: NDArray[Any], complaint: str) -> None:
+    envs = gymnasium.make_vec(env_id, num_envs=3)
+    twin = gymnasium.make_vec(env_id, num_envs=3)
+    envs.reset(seed=1)
+    twin.reset(seed=1)
+    with pytest.raises(ValueError, match=complaint):
+        envs.step(actions)
+    good = np.zeros((3, 1), dtype=np.float32)
+    np.testing.assert_array_equal(envs.step(good)[0], twin.step(good)[0])
+
+
+def test_actions_beyond_the_box_count_as_its_edge(env_id: str) -> None:
+    inside, outside = (gymnasium.make_vec(env_id, num_envs=2) for _ in range(2))
+    inside.reset(seed=1)
+    outside.reset(seed=1)
+    for _ in range(50):
+        a = inside.step(np.ones((2, 1), dtype=np.float32))[0]
+        b = outside.step(np.full((2, 1), 3.0, dtype=np.float32))[0]
+        np.testing.assert_array_equal(a, b)
+
+
+def test_reward_is_the_weighted_sum_of_its_logged_terms(env_id: str) -> None:
+    weights = {name: float(i + 1) for i, name in enumerate(_core.TERMS)}
+    envs = gymnasium.make_vec(env_id, num_envs=8, config={"reward": weights})
+    envs.reset(seed=0)
+    rng = np.random.default_rng(0)
+    seen = dict.fromkeys(_core.TERMS, 0.0)
+    for _ in range(1500):
+        _, rewards, _, _, infos = envs.step(random_actions(rng, 8))
+        terms = infos["reward_terms"]
+        np.testing.assert_allclose(rewards, sum(weights[name] * terms[name] for name in weights), atol=1e-12)
+        for name in seen:
+            seen[name] += float(np.abs(terms[name]).sum())
+    assert all(value > 0.0 for value in seen.values()), seen
+
+
+def test_held_actions_equal_the_same_action_given_again_and_again() -> None:
+    """One env step with hold=4 passes through the same states as four with hold=1."""
+    held = DamperKneeVectorEnv(3, {"action": {"hold": 4}})
+    single = DamperKneeVectorEnv(3)
+    held.reset(seed=9)
+    single.reset(seed=9)
+    rng = np.random.default_rng(1)
+    for _ in range(60):
+        actions = random_actions(rng, 3)
+        ours, total, *_ = held.step(actions)
+        parts = [single.step(actions) for _ in range(4)]
+        np.testing.assert_array_equal(ours, parts[-1][0])
+        np.testing.assert_allclose(total, sum(part[1] for part in parts), atol=1e-12)
+
+
+def test_history_holds_the_newest_frame_first_and_the_older_ones_behind() -> None:
+    stacked = DamperKneeVectorEnv(2, {"observation": {"frames": 3}})
+    plain = DamperKneeVectorEnv(2)
+    channels = len(_core.CHANNELS)
+    history = [plain.reset(seed=4)[0]] * 3
+    np.testing.assert_array_equal(stacked.reset(seed=4)[0], np.hstack(history))
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        actions = random_actions(rng, 2)
+        history = [plain.step(actions)[0], *history[:2]]
+        observations = stacked.step(actions)[0]
+        assert observations.shape == (2, 3 * channels)
+        np.testing.assert_array_equal(observations, np.hstack(history))
+
+
+def test_zero_residual_is_the_state_machine() -> None:
+    residual = DamperKneeVectorEnv(4, {"action": {"mode": "residual"}})
+    machine = DamperKneeVectorEnv(4, {"action": {"mode": "state_machine"}})
+    residual.reset(seed=0)
+    machine.reset(seed=0)
+    for _ in range(500):
+        actions = np.zeros((4, 1), dtype=np.float32)
+        np.testing.assert_array_equal(residual.step(actions)[0], machine.step(actions)[0])
