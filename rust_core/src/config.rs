@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::compliant_ground::GroundParams;
 use crate::error::{Error, Result};
 use crate::human_controller::HumanParams;
-use crate::hybrid_dynamics::walker::BodyParams;
+use crate::hybrid_dynamics::body::BodyParams;
 use crate::integrator::Stepper;
 use crate::params::{ParameterDoc, within};
 use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};

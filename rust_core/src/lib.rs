@@ -23,6 +23,7 @@ pub mod signals;
 
 pub mod compliant_ground;
 pub mod disturbance;
+pub mod energy_meter;
 pub mod human_controller;
 pub mod human_prosthesis;
 pub mod hybrid_dynamics;
@@ -34,6 +35,7 @@ pub mod simulation;
 
 pub mod batch;
 pub mod config;
+pub mod environment;
 #[cfg(feature = "python")]
 mod python;
 pub mod recorder;

@@ -5,8 +5,9 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::batch::{Autoreset, Batch, StepOutput};
+use crate::batch::Batch;
 use crate::config::Config;
+use crate::environment::{Autoreset, StepOutput};
 use crate::error::Error;
 use crate::prosthesis_controller::agent::CHANNELS;
 use crate::recorder::COLUMNS;
@@ -41,7 +42,6 @@ type StepTuple<'py> = (
 #[pyclass(name = "Batch", module = "prosthesis_gym._core")]
 struct PyBatch {
     batch: Batch,
-    autoreset: Autoreset,
 }
 
 #[pymethods]
@@ -59,7 +59,7 @@ impl PyBatch {
             }
         };
         let config = read_config(config)?;
-        Ok(Self { batch: Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))?, autoreset })
+        Ok(Self { batch: Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))? })
     }
 
     #[getter]
@@ -97,7 +97,8 @@ impl PyBatch {
         let terms = PyArray2::<f64>::zeros(py, [count, TERMS.len()], false);
         let reasons = zeros::<u8>(py, count);
         let started = zeros::<bool>(py, count);
-        let finals = (self.autoreset == Autoreset::SameStep).then(|| PyArray2::<f32>::zeros(py, [count, size], false));
+        let finals =
+            (self.batch.autoreset() == Autoreset::SameStep).then(|| PyArray2::<f32>::zeros(py, [count, size], false));
         {
             let actions = actions.as_slice()?;
             let mut observations = observations.readwrite();

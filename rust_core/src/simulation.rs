@@ -8,8 +8,9 @@
 //! ```
 
 use crate::config::{Config, SolverParams};
+use crate::energy_meter::EnergyMeter;
 use crate::human_prosthesis::{HumanProsthesis, State};
-use crate::integrator::{self, HybridFlow, StateVector, Workspace};
+use crate::integrator::{self, HybridFlow, Workspace};
 use crate::prosthesis_controller::damper_fsm::{DamperFsm, DamperFsmParams};
 use crate::scenario::Episode;
 use crate::sensors::{SensorMemory, Sensors};
@@ -83,28 +84,25 @@ impl<const L: usize> Simulation<L> {
     /// One control period with the given commands (damping coefficients, N m s^2/rad^2).
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; L]) {
-        self.plant.command = *commands;
-        self.plant.extension_stop_peak = [0.0; L];
-        self.set_inputs();
-        self.react();
+        self.begin_period(commands);
         let Self { plant, state, work, solver, .. } = self;
         integrator::advance(plant, state, work, solver.stepper, CONTROL_PERIOD_S, solver.steps);
         self.finish_period();
     }
 
-    /// Like [`advance`](Self::advance) with the configured stepper, and integrates the work of all forces beside the state.
+    /// Like [`advance`](Self::advance), and integrates the work of all forces beside the state.
     pub fn advance_metered(&mut self, commands: &[f64; L], meter: &mut EnergyMeter<L>) {
+        self.begin_period(commands);
+        meter.advance(&mut self.plant, &mut self.state, &self.solver);
+        self.finish_period();
+    }
+
+    #[inline(always)]
+    fn begin_period(&mut self, commands: &[f64; L]) {
         self.plant.command = *commands;
         self.plant.extension_stop_peak = [0.0; L];
         self.set_inputs();
         self.react();
-        let mut flow = Metered { plant: &mut self.plant };
-        let mut state = MeteredState { state: self.state.clone(), meter: meter.clone() };
-        let mut work = Workspace::new(&state);
-        integrator::advance(&mut flow, &mut state, &mut work, self.solver.stepper, CONTROL_PERIOD_S, self.solver.steps);
-        self.state = state.state;
-        *meter = state.meter;
-        self.finish_period();
     }
 
     /// Intent and pushes of the control period that begins now.
@@ -174,73 +172,5 @@ impl<const L: usize> Simulation<L> {
             + (m.hip_vx + m.hip_vy + m.thigh_rate + m.shank_rate + m.foot_rate)
             + (r.trunk + r.trunk_rate + r.hip + r.hip_rate)
             + (d.heel + d.ball + d.knee + d.hip)
-    }
-}
-
-const POWERS: usize = crate::human_prosthesis::POWERS.len();
-
-/// Work of each of [`POWERS`](crate::human_prosthesis::POWERS) and the energy exchanged, J.
-#[derive(Clone, Debug)]
-pub struct EnergyMeter<const L: usize> {
-    /// Net work.
-    pub work: [[f64; L]; POWERS],
-    /// Time integral of the absolute power.
-    pub exchanged: [[f64; L]; POWERS],
-}
-
-impl<const L: usize> Default for EnergyMeter<L> {
-    fn default() -> Self {
-        Self { work: [[0.0; L]; POWERS], exchanged: [[0.0; L]; POWERS] }
-    }
-}
-
-#[derive(Clone, Debug)]
-struct MeteredState<const L: usize> {
-    state: State<L>,
-    meter: EnergyMeter<L>,
-}
-
-impl<const L: usize> StateVector<L> for MeteredState<L> {
-    fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
-        self.state.add_scaled(&base.state, step, &rate.state);
-        for power in 0..POWERS {
-            for lane in 0..L {
-                self.meter.work[power][lane] = base.meter.work[power][lane] + step[lane] * rate.meter.work[power][lane];
-                self.meter.exchanged[power][lane] =
-                    base.meter.exchanged[power][lane] + step[lane] * rate.meter.exchanged[power][lane];
-            }
-        }
-    }
-}
-
-/// The plant with its work integrated beside its state, by the same quadrature.
-struct Metered<'a, const L: usize> {
-    plant: &'a mut HumanProsthesis<L>,
-}
-
-impl<const L: usize> HybridFlow<L> for Metered<'_, L> {
-    type State = MeteredState<L>;
-
-    fn sense(&mut self, state: &Self::State) {
-        self.plant.sense(&state.state);
-    }
-
-    fn rates(&mut self, state: &Self::State, implicit_step: &[f64; L], rates: &mut Self::State) {
-        self.plant.rates(&state.state, implicit_step, &mut rates.state);
-        for lane in 0..L {
-            let powers = self.plant.powers(&state.state, lane);
-            for (power, &watts) in powers.iter().enumerate() {
-                rates.meter.work[power][lane] = watts;
-                rates.meter.exchanged[power][lane] = watts.abs();
-            }
-        }
-    }
-
-    fn fired(&self, state: &Self::State) -> [bool; L] {
-        self.plant.fired(&state.state)
-    }
-
-    fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]) {
-        self.plant.transition(&mut state.state, fired);
     }
 }

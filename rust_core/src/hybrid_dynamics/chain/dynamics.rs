@@ -129,7 +129,7 @@ impl Chain {
                 body.frame.local_twist(acceleration) + axis * work.accelerations[i] + velocity.cross(axis * qd[i]);
             let mut wrench = inertia.momentum(acceleration) + velocity.cross_wrench(inertia.momentum(velocity));
             for load in external.iter().filter(|load| load.body == i) {
-                wrench -= Wrench::of_force(load.point, body.world.unrotate(load.force));
+                wrench = wrench - Wrench::of_force(load.point, body.world.unrotate(load.force));
             }
             (work.frames[i], work.wrenches[i]) = (body.frame, wrench);
         }

@@ -9,13 +9,15 @@ mod dynamics;
 mod joint;
 mod planar;
 
+use std::ops::Add;
+
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 pub use dynamics::Workspace;
 pub use joint::{Joint, JointKind};
 pub use planar::{Frame, Vector};
-use planar::{Twist, Wrench};
+use planar::{Inertia, Twist, Wrench};
 
 /// A force on a point of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,21 +118,26 @@ impl Chain {
     /// Potential energy in the field of gravity, J; zero with the centre of mass at the world's origin.
     pub fn potential_energy(&self, q: &[f64]) -> Result<f64> {
         self.check("q", q)?;
-        let energy = |body: Moving| {
-            let [x, y] = body.world.point(body.joint.com);
-            -body.joint.mass * (self.gravity[0] * x + self.gravity[1] * y)
-        };
-        Ok(self.outwards(q, None).map(energy).sum())
+        let [x, y] = self.total_inertia(q).first_moment;
+        Ok(-(self.gravity[0] * x + self.gravity[1] * y))
+    }
+
+    /// Centre of mass in the world, m.
+    pub fn center_of_mass(&self, q: &[f64]) -> Result<Vector> {
+        self.check("q", q)?;
+        let Inertia { mass, first_moment, .. } = self.total_inertia(q);
+        if mass > 0.0 {
+            return Ok(first_moment.map(|moment| moment / mass));
+        }
+        Err(Error::Invalid("joints: without any mass, a chain has no centre of mass".to_owned()))
     }
 
     /// Angular momentum about the world's origin (kg m^2/s), then linear momentum along x and y (kg m/s).
     pub fn momentum(&self, q: &[f64], qd: &[f64]) -> Result<[f64; 3]> {
         self.check("q", q)?;
         self.check("qd", qd)?;
-        let mut total = Wrench::ZERO;
-        for body in self.outwards(q, Some(qd)) {
-            total += body.world.wrench(body.joint.inertia().momentum(body.velocity));
-        }
+        let momentum = |body: Moving| body.world.wrench(body.joint.inertia().momentum(body.velocity));
+        let total = self.outwards(q, Some(qd)).map(momentum).fold(Wrench::ZERO, Wrench::add);
         Ok([total.moment, total.force[0], total.force[1]])
     }
 
@@ -143,6 +150,11 @@ impl Chain {
             *velocity = frame.local_twist(*velocity) + joint.axis() * qd.map_or(0.0, |qd| qd[i]);
             Some(Moving { joint, frame, world: *world, velocity: *velocity })
         })
+    }
+
+    /// Inertia of all bodies together, about the world's origin.
+    fn total_inertia(&self, q: &[f64]) -> Inertia {
+        self.outwards(q, None).map(|body| body.world.inertia(body.joint.inertia())).fold(Inertia::NONE, Inertia::add)
     }
 
     fn body(&self, q: &[f64], qd: Option<&[f64]>, body: usize) -> Result<Moving<'_>> {

@@ -3,7 +3,7 @@
 //!
 //! Twists, wrenches and inertias are expressed at the origin of a body's frame and along its axes.
 
-use std::ops::{Add, AddAssign, Mul, SubAssign};
+use std::ops::{Add, Mul, Sub};
 
 /// A point or a free vector, m or N.
 pub type Vector = [f64; 2];
@@ -157,25 +157,17 @@ impl Wrench {
 
 impl Add for Wrench {
     type Output = Self;
-    fn add(mut self, other: Self) -> Self {
-        self += other;
-        self
+    fn add(self, other: Self) -> Self {
+        let ([ax, ay], [bx, by]) = (self.force, other.force);
+        Self { moment: self.moment + other.moment, force: [ax + bx, ay + by] }
     }
 }
 
-impl AddAssign for Wrench {
-    fn add_assign(&mut self, other: Self) {
-        self.moment += other.moment;
-        self.force[0] += other.force[0];
-        self.force[1] += other.force[1];
-    }
-}
-
-impl SubAssign for Wrench {
-    fn sub_assign(&mut self, other: Self) {
-        self.moment -= other.moment;
-        self.force[0] -= other.force[0];
-        self.force[1] -= other.force[1];
+impl Sub for Wrench {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        let ([ax, ay], [bx, by]) = (self.force, other.force);
+        Self { moment: self.moment - other.moment, force: [ax - bx, ay - by] }
     }
 }
 

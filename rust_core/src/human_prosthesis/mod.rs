@@ -8,6 +8,12 @@
 //!  command ─> prosthesis device ────────────── knee and ankle torque ───────┘
 //! ```
 
+mod outputs;
+mod start;
+
+pub use outputs::POWERS;
+pub use start::Start;
+
 use crate::compliant_ground::{self, Contact, ContactLanes, Ground, GroundLanes};
 use crate::config::Config;
 use crate::human_controller::gait_fsm::{self, GuardLanes, Memory, Percept};
@@ -15,9 +21,10 @@ use crate::human_controller::intent::Profile;
 use crate::human_controller::reference::{self, Reference, ReferenceLanes};
 use crate::human_controller::slip_leg::{self, TrunkForceLanes};
 use crate::human_controller::{Drive, DriveLanes, Human, HumanLanes, HumanParams, LegGeometry};
+use crate::hybrid_dynamics::body::{Body, BodyLanes};
 use crate::hybrid_dynamics::walker::{
-    self, AccelerationLanes, Body, BodyLanes, JointTorque, KinematicsLanes, Loads, Motion, MotionLanes, Point,
-    PointForce, Prescribed, PrescribedLanes, Reactions,
+    self, AccelerationLanes, JointTorque, KinematicsLanes, Loads, Motion, MotionLanes, Point, PointForce, Prescribed,
+    PrescribedLanes,
 };
 use crate::integrator::{HybridFlow, StateVector};
 use crate::lanes::lanes;
@@ -71,23 +78,6 @@ impl<const L: usize> StateVector<L> for State<L> {
     }
 }
 
-/// Posture and speed that a trial starts from (section 5.1).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Start {
-    /// At rest on both legs.
-    Standing,
-    /// At the heel strike of a cyclic step.
-    Cyclic,
-}
-
-/// Depth of the lowest contact point in the ground when a trial starts from standing, m.
-const STANDING_DEPTH: f64 = 0.0037;
-/// Knee flexion when a trial starts from standing.
-const STANDING_KNEE_DEG: f64 = 3.0;
-/// Hip speed at the cyclic start over the intended speed (section 5.1).
-const CYCLIC_SPEED_FACTOR: f64 = 1.2;
-
 lanes! {
     /// Torques at the knee and ankle by origin, N m (joint signs: q5 extension positive).
     pub struct DeviceTorque, DeviceTorqueLanes {
@@ -123,22 +113,6 @@ lanes! {
         error_rate: f64,
     }
 }
-
-/// Power of everything that does work on the segments, W; see [`HumanProsthesis::powers`].
-pub const POWERS: [&str; 12] = [
-    "hip",
-    "trunk_rotation",
-    "trunk_force",
-    "push",
-    "knee_damper",
-    "knee_spring",
-    "knee_friction",
-    "extension_stop",
-    "flexion_stop",
-    "ankle",
-    "contact_normal",
-    "contact_tangential",
-];
 
 /// Human, mechanism, ground and device of a block of walkers.
 #[derive(Clone, Debug)]
@@ -182,7 +156,7 @@ impl<const L: usize> HumanProsthesis<L> {
     /// Walkers with the given parameters, all standing; call [`start`](Self::start) for each.
     pub fn new(params: &Config) -> Self {
         let body = Body::from(&params.body);
-        let touch_down = touch_down_posture(&body, &params.human);
+        let touch_down = start::touch_down_posture(&body, &params.human);
         let kin = walker::kinematics(&body, &touch_down, 0.0);
         let human = Human::from(LegGeometry {
             mass: body.mass,
@@ -219,150 +193,10 @@ impl<const L: usize> HumanProsthesis<L> {
         }
     }
 
-    /// Puts the walker in `lane` at the start of a trial with its current profile (sections 5.1 and 5.4 of the model).
-    pub fn start(&mut self, state: &mut State<L>, lane: usize, start: Start) {
-        let body = self.body.get(lane);
-        let speed = self.profile[lane].speed(0.0);
-        let (mut motion, mut reference) = match start {
-            Start::Standing => (posture(&body, 0.0, STANDING_KNEE_DEG.to_radians()), Reference::default()),
-            Start::Cyclic => {
-                let mut motion = touch_down_posture(&body, &self.human_params);
-                motion.hip_vx = CYCLIC_SPEED_FACTOR * speed;
-                let trunk = self.human_params.trunk_lean_deg.to_radians();
-                (motion, Reference { trunk, hip: motion.thigh - trunk, ..Reference::default() })
-            }
-        };
-        let kin = walker::kinematics(&body, &motion, reference.trunk);
-        let leg_y = kin.thigh_y + kin.shank_y;
-        motion.hip_y = match start {
-            Start::Standing => -STANDING_DEPTH - (leg_y + kin.heel_y.min(kin.ball_y)),
-            Start::Cyclic => -(leg_y + kin.heel_y),
-        };
-        reference.trunk_rate = 0.0;
-        state.motion.set(lane, motion);
-        state.reference.set(lane, reference);
-        state.rest.set(lane, Rest::default());
-        self.memory[lane] = match start {
-            Start::Standing => Memory::standing(&self.human_params, speed),
-            Start::Cyclic => Memory::cyclic(&self.human_params, speed),
-        };
-        self.refresh_drive(lane);
-    }
-
     fn refresh_drive(&mut self, lane: usize) {
         let human = self.human.get(lane);
         self.drive.set(lane, self.memory[lane].drive(&human, &self.human_params));
         self.guard.set(lane, self.memory[lane].guard(&human, &self.human_params));
-    }
-
-    /// Memory of the human in `lane`.
-    pub fn memory(&self, lane: usize) -> &Memory {
-        &self.memory[lane]
-    }
-
-    /// Ground contact of point `point` in `lane` (0 heel, 1 ball).
-    pub fn contact(&self, point: usize, lane: usize) -> Contact {
-        self.contacts[point].get(lane)
-    }
-
-    /// Height, position and velocity of heel (0) or ball (1).
-    pub fn foot_point(&self, state: &State<L>, point: usize, lane: usize) -> Point {
-        let kin = self.kinematics.get(lane);
-        let (x, y) = if point == HEEL { (kin.heel_x, kin.heel_y) } else { (kin.ball_x, kin.ball_y) };
-        walker::foot_point(&state.motion.get(lane), &kin, x, y)
-    }
-
-    /// Hip torque tau_4, N m.
-    pub fn hip_torque(&self, lane: usize) -> f64 {
-        self.hip_torque.torque[lane]
-    }
-
-    /// Device torques.
-    pub fn device(&self, lane: usize) -> DeviceTorque {
-        self.device.get(lane)
-    }
-
-    /// Force of the intact leg on the trunk.
-    pub fn trunk_force(&self, lane: usize) -> slip_leg::TrunkForce {
-        self.trunk_force.get(lane)
-    }
-
-    /// Mechanical constants.
-    pub fn body(&self, lane: usize) -> Body {
-        self.body.get(lane)
-    }
-
-    /// Prescribed trunk motion.
-    pub fn prescribed(&self, lane: usize) -> Prescribed {
-        self.prescribed.get(lane)
-    }
-
-    /// Rough thigh reference, rad.
-    pub fn rough_thigh(&self, state: &State<L>, lane: usize) -> f64 {
-        reference::rough_thigh(&self.drive.get(lane), state.rest.time[lane])
-    }
-
-    /// Foot of the intact leg's pendulum, m, and whether it stands on the ground.
-    pub fn pendulum_foot(&self, lane: usize) -> (f64, bool) {
-        (self.drive.slip_foot_x[lane], self.drive.slip_stiffness[lane] > 0.0)
-    }
-
-    /// Forces of the inverse-dynamics joints at the last evaluation.
-    #[inline(always)]
-    pub fn reactions(&self, state: &State<L>, lane: usize) -> Reactions {
-        walker::reactions(
-            &self.body.get(lane),
-            &self.kinematics.get(lane),
-            &state.motion.get(lane),
-            &self.prescribed.get(lane),
-            &self.loads(lane),
-            &self.acceleration.get(lane),
-        )
-    }
-
-    /// Kinetic and potential energy.
-    pub fn energy(&self, state: &State<L>, lane: usize) -> walker::Energy {
-        walker::energy(
-            &self.body.get(lane),
-            &self.kinematics.get(lane),
-            &state.motion.get(lane),
-            &self.prescribed.get(lane),
-        )
-    }
-
-    /// Power of each of [`POWERS`] at the last evaluation, W; their sum is the rate of kinetic plus potential energy.
-    pub fn powers(&self, state: &State<L>, lane: usize) -> [f64; POWERS.len()] {
-        let motion = state.motion.get(lane);
-        let kin = self.kinematics.get(lane);
-        let knee_rate = motion.shank_rate - motion.thigh_rate;
-        let device = self.device.get(lane);
-        let spring = self.knee.spring[lane] * device.knee_angle;
-        let stops = device.flexion_stop - device.extension_stop;
-        let trunk = self.trunk_force.get(lane);
-        let prescribed = self.prescribed.get(lane);
-        let points = [
-            walker::foot_point(&motion, &kin, kin.heel_x, kin.heel_y),
-            walker::foot_point(&motion, &kin, kin.ball_x, kin.ball_y),
-            walker::knee_point(&motion, &kin),
-            hip_point(&motion),
-        ];
-        let over_points = |power: fn(&Contact, &Point) -> f64| -> f64 {
-            self.contacts.iter().zip(&points).map(|(contact, point)| power(&contact.get(lane), point)).sum()
-        };
-        [
-            self.hip_torque.torque[lane] * (motion.thigh_rate - prescribed.rate),
-            self.reactions(state, lane).trunk_torque * prescribed.rate,
-            trunk.x * motion.hip_vx + trunk.y * motion.hip_vy,
-            self.push_x[lane] * motion.hip_vx,
-            device.damper * knee_rate,
-            spring * knee_rate,
-            (device.knee - device.damper - spring - stops) * knee_rate,
-            -device.extension_stop * knee_rate,
-            device.flexion_stop * knee_rate,
-            device.ankle * (motion.foot_rate - motion.shank_rate),
-            over_points(|contact, point| contact.normal * point.vy),
-            over_points(|contact, point| contact.tangential * point.vx),
-        ]
     }
 
     #[inline(always)]
@@ -650,15 +484,4 @@ fn device_torque(
         knee_stiffness: knee.spring + extension.stiffness + flexion.stiffness,
         ankle: ankle_torque(ankle, motion.foot - motion.shank - foot_mount, motion.foot_rate - motion.shank_rate),
     }
-}
-
-/// Posture with the given thigh angle and knee flexion (rad), ankle at rest, hip at the origin.
-fn posture(body: &Body, thigh: f64, knee_flexion: f64) -> Motion {
-    let shank = thigh - knee_flexion;
-    Motion { thigh, shank, foot: shank + body.foot_mount, ..Motion::default() }
-}
-
-/// Posture at touch-down, which also fixes the pendulum's angle of attack (Figure 2).
-fn touch_down_posture(body: &Body, human: &HumanParams) -> Motion {
-    posture(body, human.thigh_flexion_deg.to_radians(), human.touch_down_knee_deg.to_radians())
 }

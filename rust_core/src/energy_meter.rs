@@ -1,0 +1,95 @@
+//! Energy meter: the work of every force, integrated beside the state by the same stepper.
+//!
+//! Kinetic plus potential energy must change by exactly the sum of all work: a check that the derivation of the dynamics
+//! did not use.
+
+use crate::config::SolverParams;
+use crate::human_prosthesis::{HumanProsthesis, State};
+use crate::integrator::{self, HybridFlow, StateVector, Workspace};
+use crate::signals::CONTROL_PERIOD_S;
+
+const POWERS: usize = crate::human_prosthesis::POWERS.len();
+
+/// Work of each of [`POWERS`](crate::human_prosthesis::POWERS) and the energy exchanged, J.
+#[derive(Clone, Debug)]
+pub struct EnergyMeter<const L: usize> {
+    /// Net work.
+    pub work: [[f64; L]; POWERS],
+    /// Time integral of the absolute power.
+    pub exchanged: [[f64; L]; POWERS],
+}
+
+impl<const L: usize> EnergyMeter<L> {
+    /// Advances the plant by one control period and adds up the work that is done in it.
+    pub fn advance(&mut self, plant: &mut HumanProsthesis<L>, state: &mut State<L>, solver: &SolverParams) {
+        let mut metered = MeteredState { state: state.clone(), meter: self.clone() };
+        let mut work = Workspace::new(&metered);
+        integrator::advance(
+            &mut Metered { plant },
+            &mut metered,
+            &mut work,
+            solver.stepper,
+            CONTROL_PERIOD_S,
+            solver.steps,
+        );
+        *state = metered.state;
+        *self = metered.meter;
+    }
+}
+
+impl<const L: usize> Default for EnergyMeter<L> {
+    fn default() -> Self {
+        Self { work: [[0.0; L]; POWERS], exchanged: [[0.0; L]; POWERS] }
+    }
+}
+
+#[derive(Clone, Debug)]
+struct MeteredState<const L: usize> {
+    state: State<L>,
+    meter: EnergyMeter<L>,
+}
+
+impl<const L: usize> StateVector<L> for MeteredState<L> {
+    fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
+        self.state.add_scaled(&base.state, step, &rate.state);
+        for power in 0..POWERS {
+            for lane in 0..L {
+                self.meter.work[power][lane] = base.meter.work[power][lane] + step[lane] * rate.meter.work[power][lane];
+                self.meter.exchanged[power][lane] =
+                    base.meter.exchanged[power][lane] + step[lane] * rate.meter.exchanged[power][lane];
+            }
+        }
+    }
+}
+
+/// The plant with its work integrated beside its state, by the same quadrature.
+struct Metered<'a, const L: usize> {
+    plant: &'a mut HumanProsthesis<L>,
+}
+
+impl<const L: usize> HybridFlow<L> for Metered<'_, L> {
+    type State = MeteredState<L>;
+
+    fn sense(&mut self, state: &Self::State) {
+        self.plant.sense(&state.state);
+    }
+
+    fn rates(&mut self, state: &Self::State, implicit_step: &[f64; L], rates: &mut Self::State) {
+        self.plant.rates(&state.state, implicit_step, &mut rates.state);
+        for lane in 0..L {
+            let powers = self.plant.powers(&state.state, lane);
+            for (power, &watts) in powers.iter().enumerate() {
+                rates.meter.work[power][lane] = watts;
+                rates.meter.exchanged[power][lane] = watts.abs();
+            }
+        }
+    }
+
+    fn fired(&self, state: &Self::State) -> [bool; L] {
+        self.plant.fired(&state.state)
+    }
+
+    fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]) {
+        self.plant.transition(&mut state.state, fired);
+    }
+}

@@ -1,0 +1,68 @@
+//! How a trial starts: from standing, or at the heel strike of a cyclic step.
+
+use super::{HumanProsthesis, Rest, State};
+use crate::human_controller::HumanParams;
+use crate::human_controller::gait_fsm::Memory;
+use crate::human_controller::reference::Reference;
+use crate::hybrid_dynamics::body::Body;
+use crate::hybrid_dynamics::walker::{self, Motion};
+
+/// Posture and speed that a trial starts from (section 5.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Start {
+    /// At rest on both legs.
+    Standing,
+    /// At the heel strike of a cyclic step.
+    Cyclic,
+}
+
+/// Depth of the lowest contact point in the ground when a trial starts from standing, m.
+const STANDING_DEPTH: f64 = 0.0037;
+/// Knee flexion when a trial starts from standing.
+const STANDING_KNEE_DEG: f64 = 3.0;
+/// Hip speed at the cyclic start over the intended speed (section 5.1).
+const CYCLIC_SPEED_FACTOR: f64 = 1.2;
+
+impl<const L: usize> HumanProsthesis<L> {
+    /// Puts the walker in `lane` at the start of a trial with its current profile (sections 5.1 and 5.4 of the model).
+    pub fn start(&mut self, state: &mut State<L>, lane: usize, start: Start) {
+        let body = self.body.get(lane);
+        let speed = self.profile[lane].speed(0.0);
+        let (mut motion, mut reference) = match start {
+            Start::Standing => (posture(&body, 0.0, STANDING_KNEE_DEG.to_radians()), Reference::default()),
+            Start::Cyclic => {
+                let mut motion = touch_down_posture(&body, &self.human_params);
+                motion.hip_vx = CYCLIC_SPEED_FACTOR * speed;
+                let trunk = self.human_params.trunk_lean_deg.to_radians();
+                (motion, Reference { trunk, hip: motion.thigh - trunk, ..Reference::default() })
+            }
+        };
+        let kin = walker::kinematics(&body, &motion, reference.trunk);
+        let leg_y = kin.thigh_y + kin.shank_y;
+        motion.hip_y = match start {
+            Start::Standing => -STANDING_DEPTH - (leg_y + kin.heel_y.min(kin.ball_y)),
+            Start::Cyclic => -(leg_y + kin.heel_y),
+        };
+        reference.trunk_rate = 0.0;
+        state.motion.set(lane, motion);
+        state.reference.set(lane, reference);
+        state.rest.set(lane, Rest::default());
+        self.memory[lane] = match start {
+            Start::Standing => Memory::standing(&self.human_params, speed),
+            Start::Cyclic => Memory::cyclic(&self.human_params, speed),
+        };
+        self.refresh_drive(lane);
+    }
+}
+
+/// Posture with the given thigh angle and knee flexion (rad), ankle at rest, hip at the origin.
+fn posture(body: &Body, thigh: f64, knee_flexion: f64) -> Motion {
+    let shank = thigh - knee_flexion;
+    Motion { thigh, shank, foot: shank + body.foot_mount, ..Motion::default() }
+}
+
+/// Posture at touch-down, which also fixes the pendulum's angle of attack (Figure 2).
+pub(super) fn touch_down_posture(body: &Body, human: &HumanParams) -> Motion {
+    posture(body, human.thigh_flexion_deg.to_radians(), human.touch_down_knee_deg.to_radians())
+}
