@@ -67,6 +67,10 @@ pub trait Parameter: Clone {
     fn numbers(&self) -> [f64; 2];
     /// For tables.
     fn text(&self) -> String;
+    /// What may stand here, for tables: the declared range, unless the type says otherwise.
+    fn allowed(declared: Range) -> String {
+        declared.to_string()
+    }
     /// Further conditions of the type itself.
     fn check(&self, _key: &str) -> Result<()> {
         Ok(())
@@ -98,16 +102,32 @@ impl Parameter for bool {
     fn text(&self) -> String {
         self.to_string()
     }
+    fn allowed(_: Range) -> String {
+        "true | false".to_owned()
+    }
 }
 
+/// Any value of its type: the range of parameters that are no numbers.
+pub const ANY: Range = within(0.0, 1.0);
+
 /// A fixed number, or a uniform distribution `[low, high]` that every episode draws from.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(untagged)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(untagged, expecting = "expected a number or [low, high]")]
 pub enum Span {
     /// Always this value.
     Fixed(f64),
     /// Uniform between the two.
     Uniform([f64; 2]),
+}
+
+impl serde::Serialize for Span {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        match self {
+            Self::Fixed(value) => value.serialize(serializer),
+            // As a sequence: an array would become a tuple in Python.
+            Self::Uniform(bounds) => bounds.as_slice().serialize(serializer),
+        }
+    }
 }
 
 impl Span {
@@ -179,7 +199,7 @@ macro_rules! params {
                     key: format!("{path}.{}", stringify!($field)),
                     default: defaults.$field.text(),
                     unit: $unit,
-                    range: $range.to_string(),
+                    range: <$kind as Parameter>::allowed($range),
                     doc: concat!($($doc, "\n"),*).trim().to_owned(),
                 }),+]
             }

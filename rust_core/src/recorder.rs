@@ -60,6 +60,7 @@ pub struct Recorder {
     pub rows: Vec<[f64; COLUMNS.len()]>,
     /// In the order of time.
     pub strikes: Vec<FootStrike>,
+    heel_strikes: u32,
 }
 
 impl Recorder {
@@ -71,16 +72,16 @@ impl Recorder {
 
     fn push_strikes<const L: usize>(&mut self, simulation: &Simulation<L>, lane: usize) {
         let memory = simulation.plant.memory(lane);
-        let last = |intact: bool| self.strikes.iter().rev().find(|s| s.intact == intact).map_or(0.0, |s| s.time_s);
-        let residual = FootStrike { time_s: memory.step_start, intact: false, hip_x_m: memory.step_start_x };
-        let intact = FootStrike { time_s: memory.touch_down, intact: true, hip_x_m: memory.touch_down_x };
-        let grounded = matches!(memory.intact, IntactState::Stance | IntactState::Double);
         let mut new = Vec::new();
-        if memory.heel_strikes > 0 && residual.time_s > last(false) {
-            new.push(residual);
+        if memory.heel_strikes > self.heel_strikes {
+            self.heel_strikes = memory.heel_strikes;
+            new.push(FootStrike { time_s: memory.step_start, intact: false, hip_x_m: memory.step_start_x });
         }
-        if grounded && intact.time_s > last(true) {
-            new.push(intact);
+        let grounded = matches!(memory.intact, IntactState::Stance | IntactState::Double);
+        let last_touch_down =
+            self.strikes.iter().rev().find(|strike| strike.intact).map_or(0.0, |strike| strike.time_s);
+        if grounded && memory.touch_down > last_touch_down {
+            new.push(FootStrike { time_s: memory.touch_down, intact: true, hip_x_m: memory.touch_down_x });
         }
         new.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         self.strikes.extend(new);
@@ -112,7 +113,7 @@ fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS
         (smooth.trunk + smooth.hip).to_degrees(),
         plant.rough_thigh(&simulation.state, lane).to_degrees(),
         device.knee_angle.to_degrees(),
-        // Positive dorsiflexion is -q8; a right angle between foot and shank is 0.
+        // -q8 - 4 deg: plantarflexion is positive, a right angle between foot and shank is 0.
         (motion.shank - motion.foot).to_degrees(),
         trunk.x / weight,
         trunk.y / weight,

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::disturbance::Push;
 use crate::human_controller::intent::{Knot, Profile};
 use crate::human_prosthesis::Start;
-use crate::params::{Parameter, Span, params, within};
+use crate::params::{ANY, Parameter, Range, Span, params, within};
 use crate::signals::CONTROL_PERIOD_S;
 
 /// Start posture of an episode.
@@ -29,13 +29,16 @@ impl Parameter for StartChoice {
     fn text(&self) -> String {
         format!("{self:?}").to_lowercase()
     }
+    fn allowed(_: Range) -> String {
+        "standing | cyclic | random".to_owned()
+    }
 }
 
 params! {
     /// Distributions that an episode is drawn from; a number is a fixed value, `[low, high]` a uniform distribution.
     pub struct ScenarioParams {
         /// Start posture: standing, cyclic or random.
-        start: StartChoice = StartChoice::Random, "", within(0.0, 0.0);
+        start: StartChoice = StartChoice::Random, "", ANY;
         /// Length of an episode, after which it is truncated.
         duration_s: f64 = 12.0, "s", within(0.1, 1e4);
         /// Intended speed.
@@ -51,7 +54,7 @@ params! {
         /// Duration of the push.
         push_duration_s: Span = Span::Fixed(0.15), "s", within(0.0, 100.0);
         /// Intent and speed over time, a list of {time_s, speed_m_s, walk}; if not empty, in place of the drawn ones. Speed is linear between knots, a step where two share a time.
-        profile: Profile = Profile::default(), "", within(0.0, 0.0);
+        profile: Profile = Profile::default(), "", ANY;
     }
 }
 

@@ -126,9 +126,13 @@ impl<const L: usize> Simulation<L> {
 
     #[inline(always)]
     fn finish_period(&mut self) {
+        for lane in 0..L {
+            // The sum of many small steps drifts; the grid does not.
+            self.sample[lane] += 1;
+            self.state.rest.time[lane] = self.sample[lane] as f64 * CONTROL_PERIOD_S;
+        }
         self.evaluate();
         for lane in 0..L {
-            self.sample[lane] += 1;
             self.observe(lane);
         }
     }

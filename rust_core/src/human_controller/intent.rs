@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::params::{Parameter, within};
+use crate::params::{Parameter, Range, within};
 
 /// One instant of a profile. Speed is linear between knots (two knots at one time make a step); the intent holds from its knot on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +31,9 @@ impl Parameter for Profile {
     }
     fn text(&self) -> String {
         "[]".to_owned()
+    }
+    fn allowed(_: Range) -> String {
+        "list of {time_s, speed_m_s, walk}, speed_m_s in [0.2, 3]".to_owned()
     }
     /// Checks ranges and order of the knots.
     fn check(&self, path: &str) -> Result<()> {

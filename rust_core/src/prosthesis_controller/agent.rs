@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::math::clamp;
-use crate::params::{Parameter, above, params, within};
+use crate::params::{ANY, Parameter, Range, above, params, within};
 use crate::signals::Readings;
 
 /// What the action means.
@@ -26,15 +26,18 @@ impl Parameter for ActionMode {
         [0.0; 2]
     }
     fn text(&self) -> String {
-        format!("{self:?}")
+        format!("{self:?}").to_lowercase()
+    }
+    fn allowed(_: Range) -> String {
+        "direct | residual | state_machine | constant".to_owned()
     }
 }
 
 params! {
     /// How actions become commands.
     pub struct ActionParams {
-        /// Meaning of the action: direct (a damping coefficient), residual (a correction added to the state machine's), state_machine or constant (the action is ignored).
-        mode: ActionMode = ActionMode::Direct, "", within(0.0, 0.0);
+        /// What the action means: a damping coefficient (direct), a correction added to the state machine's (residual), nothing (state_machine, constant).
+        mode: ActionMode = ActionMode::Direct, "", ANY;
         /// Coefficient at action +1 in mode `direct`, and upper limit in mode `residual`.
         max_command_nms2_rad2: f64 = 20.0, "N m s^2/rad^2", above(0.0, 1e4);
         /// Correction at action +1 in mode `residual`.

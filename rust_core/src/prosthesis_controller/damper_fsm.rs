@@ -2,14 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::params::{params, within};
+use crate::params::{ANY, params, within};
 use crate::signals::{CONTROL_PERIOD_S, Readings};
 
 params! {
     /// State machine of Figure 6 with its recovery transitions (supplementary material).
     pub struct DamperFsmParams {
         /// Whether the dashed (recovery) transitions are active.
-        recovery: bool = true, "", within(0.0, 1.0);
+        recovery: bool = true, "", ANY;
         /// Damping in early and mid stance (20 in the supplementary material).
         stance_damping_nms2_rad2: f64 = 10.0, "N m s^2/rad^2", within(0.0, 1e4);
         /// Gain of the soft stop of swing flexion, on (angle - 60 deg)^2.

@@ -1,0 +1,42 @@
+"""Command line: `prosthesis-gym walk | bench | parameters`."""
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from prosthesis_gym.cli import bench, parameters, walk
+
+_EXAMPLES = """\
+examples:
+  prosthesis-gym walk
+  prosthesis-gym walk --profile trial40 --plot trial40.png --out trial40.parquet
+  prosthesis-gym bench --walkers 1 4096
+  prosthesis-gym parameters knee
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command. Exit code 0 for success, 2 for bad input, 130 for Ctrl-C."""
+    parser = argparse.ArgumentParser(
+        prog="prosthesis-gym",
+        description="Simulate walking with a lower-limb prosthesis.",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for command in (walk, bench, parameters):
+        command.add_parser(commands)
+    arguments = parser.parse_args(argv)
+    try:
+        arguments.run(arguments)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader (head, less) has what it wanted; keep the interpreter's last flush from complaining.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (ValueError, OSError, ModuleNotFoundError) as error:
+        print(f"prosthesis-gym: error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+    return 0

@@ -1,0 +1,17 @@
+"""What the commands' argument parsers share."""
+
+import argparse
+from typing import TypeAlias
+
+Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+
+def new_parser(commands: Commands, name: str, summary: str, examples: str) -> argparse.ArgumentParser:
+    """Add a subcommand whose help ends with examples."""
+    return commands.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        epilog=examples,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )

@@ -1,0 +1,174 @@
+"""`prosthesis-gym walk`: one trial, as a table, as data and as a figure."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from prosthesis_gym.cli.parsers import Commands, new_parser
+from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge
+from prosthesis_gym.gait import Stride, stride_json, stride_table
+from prosthesis_gym.plotting import check_plot_path, plot_trial
+from prosthesis_gym.policy import Policy
+from prosthesis_gym.profiles import PROFILES, load_profile
+from prosthesis_gym.trial import Trial, check_trial_path, run_trial, save_trial
+
+_EXAMPLES = """\
+examples:
+  prosthesis-gym walk                                  from standing to 1.1 m/s, 10 s
+  prosthesis-gym walk --profile trial40 --plot trial40.png
+  prosthesis-gym walk --speed 1.3 --duration 20 --set knee.spring_nm_rad=1
+  prosthesis-gym walk --start cyclic --controller constant:0 --out no_damper.csv
+  prosthesis-gym walk --profile my_speeds.csv --json > strides.json
+
+A profile file is a CSV with the columns time_s, speed_m_s, walk, or a TOML file with a list
+`profile` of {time_s, speed_m_s, walk}. What is given later in this list counts: the defaults of
+this command, --config, --profile, the other options, --set (keys: `prosthesis-gym parameters`).
+"""
+
+#: An undisturbed walk from standing at one speed.
+DEFAULTS: dict[str, Any] = {
+    "action": {"mode": "state_machine"},
+    **REFERENCE_SOLVER,
+    "scenario": {
+        "start": "standing",
+        "duration_s": 10.0,
+        "speed_m_s": 1.1,
+        "walk_s": 1.0,
+        "push_n": 0.0,
+    },
+}
+_SOLVERS = {"fast": {"solver": {"stepper": "linearly_implicit_euler", "steps": 5}}, "reference": REFERENCE_SOLVER}
+
+#: Columns of the printed table: heading, measure, decimals.
+_COLUMNS = (
+    ("time\ns", "heel_strike_s", 2),
+    ("speed\nm/s", "speed_m_s", 3),
+    ("length\nm", "stride_length_m", 3),
+    ("stride\ns", "stride_time_s", 3),
+    ("stance\nres. %", "residual_stance_percent", 1),
+    ("\nint. %", "intact_stance_percent", 1),
+    ("knee\nswing °", "peak_swing_knee_deg", 1),
+    ("\nload °", "peak_stance_knee_deg", 1),
+    ("hip\nres. m", "hip_peak_residual_stance_m", 3),
+    ("\nint. m", "hip_peak_intact_stance_m", 3),
+    ("stop\nN m", "peak_extension_stop_nm", 0),
+)
+
+
+def add_parser(commands: Commands) -> None:
+    """Declare the command."""
+    parser = new_parser(commands, "walk", "simulate one walking trial", _EXAMPLES)
+    add = parser.add_argument_group("what happens").add_argument
+    add("--device", choices=["damper"], default="damper", help="knee unit (default: damper)")
+    add(
+        "--controller",
+        metavar="NAME",
+        help="state-machine (default), constant:DAMPING (N m s²/rad²) or a policy's folder",
+    )
+    add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a profile")
+    add("--profile", metavar="NAME|FILE", help=f"intent over time: {', '.join(PROFILES)}, or a file")
+    add("--start", choices=["standing", "cyclic"], help="default: standing, intent to walk from 1 s")
+    add("--duration", type=float, metavar="S", help="length of the trial (default: 10, or the profile's)")
+    add("--solver", choices=sorted(_SOLVERS), help="reference: converged (default); fast: as in training")
+    add("--seed", type=int, default=0, metavar="N", help="of whatever the configuration leaves to chance (default: 0)")
+    add("--config", type=Path, metavar="FILE", help="TOML file with any part of the configuration")
+    add("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help="any parameter (repeatable)")
+    add = parser.add_argument_group("what comes out").add_argument
+    add("--out", type=Path, metavar="FILE", help="every signal at 200 Hz, as .parquet or .csv")
+    add("--plot", type=Path, metavar="FILE", help="figure of the trial, as .png, .pdf or .svg")
+    add("--json", action="store_true", help="the strides as JSON on standard output, and nothing else")
+    add("--force", action="store_true", help="overwrite existing files")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Simulate, then write and print."""
+    _check_outputs(arguments)
+    config, policy = _configure(arguments)
+    trial = run_trial(config, policy=policy, seed=arguments.seed)
+    if arguments.out:
+        save_trial(trial, arguments.out)
+    if arguments.plot:
+        plot_trial(trial, arguments.plot)
+    if arguments.json:
+        print(stride_json(trial))
+    else:
+        _print(trial, [path for path in (arguments.out, arguments.plot) if path])
+
+
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """Raise the errors that would otherwise come only after the simulation."""
+    for path, check in ((arguments.out, check_trial_path), (arguments.plot, check_plot_path)):
+        if path is None:
+            continue
+        check(path)
+        if path.exists() and not arguments.force:
+            raise ValueError(f"{path} exists; --force overwrites it")
+    if arguments.seed < 0:
+        raise ValueError(f"--seed = {arguments.seed} must be 0 or more")
+
+
+def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | None]:
+    if arguments.speed is not None and arguments.profile is not None:
+        raise ValueError(f"--speed {arguments.speed} and --profile {arguments.profile}: a profile has its own speeds")
+    config = DEFAULTS
+    if arguments.config:
+        config = merge(config, load_config(arguments.config))
+    if arguments.profile is not None:
+        config = merge(config, {"scenario": load_profile(arguments.profile)})
+    scenario: dict[str, Any] = {}
+    if arguments.speed is not None:
+        scenario |= {"speed_m_s": arguments.speed, "profile": []}
+    if arguments.start is not None:
+        scenario["start"] = arguments.start
+    if arguments.duration is not None:
+        scenario["duration_s"] = arguments.duration
+    config = merge(config, {"scenario": scenario})
+    if arguments.solver is not None:
+        config = merge(config, _SOLVERS[arguments.solver])
+    action, policy = _controller(arguments.controller)
+    if policy is not None:
+        for setting in arguments.settings:
+            if setting.startswith(("action.", "observation.")):
+                raise ValueError(f"--set {setting}: the policy {arguments.controller} brings these sections with it")
+    return apply_settings(merge(config, action), arguments.settings), policy
+
+
+def _controller(name: str | None) -> tuple[dict[str, Any], Policy | None]:
+    """Return the configuration that selects a controller, and the policy if it is one."""
+    kind, colon, value = (name or "").partition(":")
+    if name is None:
+        return {}, None
+    if name == "state-machine":
+        return {"action": {"mode": "state_machine"}}, None
+    if kind == "constant" and colon:
+        try:
+            return {"action": {"mode": "constant", "constant_nms2_rad2": float(value)}}, None
+        except ValueError:
+            raise ValueError(f"--controller {name}: {value!r} is not a number") from None
+    if Path(name).is_dir():
+        policy = Policy.load(name)
+        return dict(policy.config), policy
+    raise ValueError(f"--controller {name}: neither state-machine, constant:DAMPING nor the folder of a policy")
+
+
+def _print(trial: Trial, written: list[Path]) -> None:
+    strides = stride_table(trial)
+    if strides:
+        Console().print(_table(strides))
+    print(f"{trial.outcome} after {trial.end_s:.2f} s, {len(strides)} full strides")
+    for path in written:
+        print(f"wrote {path}")
+
+
+def _table(strides: list[Stride]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, padding=0)
+    for heading, _, _ in _COLUMNS:
+        table.add_column(heading, justify="right")
+    for stride in strides:
+        table.add_row(*(f"{getattr(stride, measure):.{decimals}f}" for _, measure, decimals in _COLUMNS))
+    return table

@@ -1,0 +1,197 @@
+"""One walker from start to end: run it, keep every signal at 200 Hz, save and load it."""
+
+import csv
+import json
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from prosthesis_gym import _core
+from prosthesis_gym.config import merge, resolve
+from prosthesis_gym.extras import optional
+from prosthesis_gym.files import atomic_write
+from prosthesis_gym.vector_env import CONTROL_PERIOD_S
+
+#: Codes of the columns `human_state` and `intact_leg_state` (Figure 3).
+STAND, STEP_START, STEP_CYCLE, STEP_STOP = range(4)
+INTACT_BOTH, INTACT_SWING, INTACT_STANCE, INTACT_DOUBLE = range(4)
+#: Codes of the event column `leg`.
+RESIDUAL, INTACT = range(2)
+
+#: A stopping step that has not come to an end this long after the last foot strike never will.
+_STOP_TIMEOUT_S = 5.0
+#: Simulations that take longer than this show a progress bar.
+_PATIENCE_S = 2.0
+_STEPS_PER_UPDATE = 100
+_METADATA = b"prosthesis_gym"
+
+
+class Policy(Protocol):
+    """What can drive a trial."""
+
+    @property
+    def config(self) -> Mapping[str, Any]:
+        """The sections `action` and `observation` that the policy was made for."""
+
+    def act(self, observations: NDArray[np.float32], /) -> NDArray[Any]:
+        """Actions (N,) in [-1, 1] for observations (N, D)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """What happened: `columns` has one row per 5 ms from t = 0, `events` one per foot strike.
+
+    `outcome` is "standing", "walking", "stopped on its toe" or "fell: <reason>"; `config` is complete.
+    """
+
+    columns: dict[str, NDArray[Any]]
+    events: dict[str, NDArray[Any]]
+    outcome: str
+    config: dict[str, Any]
+
+    def __getitem__(self, column: str) -> NDArray[Any]:
+        return self.columns[column]
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last row."""
+        return float(self["time_s"][-1])
+
+    @property
+    def fell(self) -> bool:
+        """Whether the trial ended before its time."""
+        return self.outcome.startswith("fell")
+
+    def strikes_s(self, leg: int) -> NDArray[np.float64]:
+        """Return the times (s) of the foot strikes of a leg, `RESIDUAL` or `INTACT`."""
+        times: NDArray[np.float64] = self.events["time_s"][self.events["leg"] == leg]
+        return times
+
+
+def run_trial(
+    config: Mapping[str, Any],
+    *,
+    policy: Policy | None = None,
+    duration_s: float | None = None,
+    seed: int = 0,
+    progress: bool = True,
+) -> Trial:
+    """Walk one walker until it falls or its time is over.
+
+    A policy brings its sections `action` and `observation`, which replace those of `config`; without one,
+    `action.mode` must be "state_machine" or "constant". `duration_s` replaces `scenario.duration_s`.
+    """
+    if policy is not None:
+        config = merge(config, policy.config)
+    if duration_s is not None:
+        config = merge(config, {"scenario": {"duration_s": duration_s}})
+    resolved = resolve(config)
+    mode = resolved["action"]["mode"]
+    if policy is None and mode not in ("state_machine", "constant"):
+        raise ValueError(f"action.mode = {mode!r} needs a policy; without one it is 'state_machine' or 'constant'")
+
+    batch = _core.Batch(1, resolved, autoreset="disabled")
+    batch.record(0)
+    observation = batch.reset(np.array([seed], dtype=np.uint64), None)
+    actions = np.zeros(1)
+    with _progress(resolved["scenario"]["duration_s"], progress) as show:
+        steps, done = 0, False
+        while not done:
+            if policy is not None:
+                actions = np.asarray(policy.act(observation), dtype=np.float64).reshape(1)
+            observation, _, terminated, truncated, _, reasons, _, _ = batch.step(actions)
+            done = bool(terminated[0] or truncated[0])
+            steps += 1
+            if steps % _STEPS_PER_UPDATE == 0:
+                show(CONTROL_PERIOD_S * resolved["action"]["hold"] * steps)
+    columns, events = batch.recording(), batch.events()
+    outcome = f"fell: {_core.REASONS[reasons[0]]}" if terminated[0] else _upright_outcome(columns, events)
+    return Trial(columns, events, outcome, resolved)
+
+
+def _upright_outcome(columns: Mapping[str, NDArray[Any]], events: Mapping[str, NDArray[Any]]) -> str:
+    last = {name: columns[name][-1] for name in ("time_s", "intent", "human_state", "intact_leg_state")}
+    if last["human_state"] == STAND:
+        return "standing"
+    # The toe landed first and the heel never loads: the step can neither end nor go on.
+    stopping = last["human_state"] == STEP_STOP and last["intact_leg_state"] == INTACT_STANCE and last["intent"] == 0
+    waited_s = last["time_s"] - events["time_s"][-1] if len(events["time_s"]) else 0.0
+    return "stopped on its toe" if stopping and waited_s > _STOP_TIMEOUT_S else "walking"
+
+
+@contextmanager
+def _progress(duration_s: float, shown: bool) -> Iterator[Callable[[float], None]]:
+    """Show a bar on stderr, but only when the simulation takes long."""
+    bar = Progress(
+        TextColumn("simulating"),
+        BarColumn(),
+        TextColumn("{task.completed:.1f} of {task.total:.1f} s"),
+        TimeRemainingColumn(),
+        console=Console(stderr=True),
+        transient=True,
+    )
+    task = bar.add_task("", total=duration_s)
+    began = time.perf_counter()
+
+    def show(simulated_s: float) -> None:
+        if shown and not bar.live.is_started and time.perf_counter() - began > _PATIENCE_S:
+            bar.start()
+        bar.update(task, completed=simulated_s)
+
+    try:
+        yield show
+    finally:
+        if bar.live.is_started:
+            bar.stop()
+
+
+def check_trial_path(path: Path) -> None:
+    """Raise a ValueError or ModuleNotFoundError unless `save_trial` can write this kind of file here."""
+    if path.suffix not in (".parquet", ".csv"):
+        raise ValueError(f"{path}: a trial is saved as .parquet or .csv, not {path.suffix or 'without an ending'}")
+    if path.suffix == ".parquet":
+        optional("pyarrow")
+
+
+def save_trial(trial: Trial, path: str | Path) -> None:
+    """Write .parquet (everything) or .csv (the columns alone), complete or not at all."""
+    path = Path(path)
+    check_trial_path(path)
+    with atomic_write(path) as temporary:
+        if path.suffix == ".csv":
+            with temporary.open("w", newline="", encoding="utf-8") as file:
+                writer = csv.writer(file)
+                writer.writerow(trial.columns)
+                writer.writerows(zip(*(column.tolist() for column in trial.columns.values()), strict=True))
+        else:
+            pa, parquet = optional("pyarrow"), optional("pyarrow.parquet")
+            events = {name: values.tolist() for name, values in trial.events.items()}
+            metadata = {"outcome": trial.outcome, "config": trial.config, "events": events}
+            table = pa.table(trial.columns).replace_schema_metadata({_METADATA: json.dumps(metadata).encode()})
+            parquet.write_table(table, temporary)
+
+
+def load_trial(path: str | Path) -> Trial:
+    """Read what `save_trial` wrote as .parquet; a .csv lacks the configuration and the events."""
+    path = Path(path)
+    if path.suffix != ".parquet":
+        raise ValueError(f"{path}: a trial is loaded from .parquet, not {path.suffix or 'without an ending'}")
+    pa, parquet = optional("pyarrow"), optional("pyarrow.parquet")
+    try:
+        table = parquet.read_table(path)
+    except pa.ArrowInvalid as error:
+        raise ValueError(f"{path}: {error}") from None
+    if _METADATA not in (table.schema.metadata or {}):
+        raise ValueError(f"{path}: not a trial of prosthesis_gym")
+    metadata = json.loads(table.schema.metadata[_METADATA])
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    events = {name: np.asarray(values) for name, values in metadata["events"].items()}
+    return Trial(columns, events, metadata["outcome"], metadata["config"])
