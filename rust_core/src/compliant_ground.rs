@@ -120,6 +120,25 @@ mod tests {
     }
 
     #[test]
+    fn derivatives_match_differences() {
+        let ground = ground();
+        let (height, vx, vy, u, e) = (-0.012, 0.01, -0.1, 2e-4, 1e-7);
+        let exact = contact(&ground, height, vx, vy, u);
+        let slope = |plus: Contact, minus: Contact| {
+            ((plus.normal - minus.normal) / (2.0 * e), (plus.tangential - minus.tangential) / (2.0 * e))
+        };
+        let (_, along_vx) = slope(contact(&ground, height, vx + e, vy, u), contact(&ground, height, vx - e, vy, u));
+        let (_, along_u) = slope(contact(&ground, height, vx, vy, u + e), contact(&ground, height, vx, vy, u - e));
+        let (along_vy, _) = slope(contact(&ground, height, vx, vy + e, u), contact(&ground, height, vx, vy - e, u));
+        assert!((exact.tangential_damping + along_vx).abs() < 1e-5 * exact.tangential_damping);
+        assert!((exact.tangential_stiffness + along_u).abs() < 1e-5 * exact.tangential_stiffness);
+        assert!((exact.normal_damping + along_vy).abs() < 1e-5 * exact.normal_damping);
+        // The term in vy is left out on purpose, so compare at rest.
+        let (along_y, _) = slope(contact(&ground, height + e, vx, 0.0, u), contact(&ground, height - e, vx, 0.0, u));
+        assert!((exact.normal_stiffness + along_y).abs() < 1e-5 * exact.normal_stiffness);
+    }
+
+    #[test]
     fn a_slipping_point_keeps_its_force_on_the_cone_because_its_deformation_follows() {
         let ground = ground();
         let (height, vx) = (-0.01, 1.0);

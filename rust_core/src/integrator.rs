@@ -65,6 +65,8 @@ impl<S: Clone> Workspace<S> {
     }
 }
 
+/// Events that are located within one step; the rest of the step ignores further ones, lest a guard that stays true stop time.
+const MOST_EVENTS: usize = 8;
 /// Bisections per located event: narrows a 0.1 ms step to 1e-13 s.
 const BISECTIONS: usize = 30;
 
@@ -102,8 +104,7 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
     stepper: Stepper,
     mut remaining: [f64; L],
 ) {
-    // An event that leaves its own guard true would fire for ever; no lane has more than a few in one step.
-    for _ in 0..8 {
+    for _ in 0..MOST_EVENTS {
         work.start = state.clone();
         step(flow, state, work, stepper, &remaining);
         flow.sense(state);
@@ -111,28 +112,18 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         if !fired.contains(&true) {
             return;
         }
+        // A lane without an event keeps `after` at its whole step; what its trial steps do is thrown away.
         let (mut before, mut after) = ([0.0; L], remaining);
         for _ in 0..BISECTIONS {
-            // Lanes without an event repeat their whole step, so that they end where they were.
-            let mut trial = remaining;
-            for lane in 0..L {
-                if fired[lane] {
-                    trial[lane] = 0.5 * (before[lane] + after[lane]);
-                }
-            }
+            let middle = std::array::from_fn(|lane| 0.5 * (before[lane] + after[lane]));
             *state = work.start.clone();
             flow.sense(state);
-            step(flow, state, work, stepper, &trial);
+            step(flow, state, work, stepper, &middle);
             flow.sense(state);
-            let fired_at_trial = flow.fired(state);
-            for lane in 0..L {
-                if fired[lane] {
-                    if fired_at_trial[lane] {
-                        after[lane] = trial[lane];
-                    } else {
-                        before[lane] = trial[lane];
-                    }
-                }
+            let fired_by_then = flow.fired(state);
+            for lane in (0..L).filter(|&lane| fired[lane]) {
+                let bound = if fired_by_then[lane] { &mut after } else { &mut before };
+                bound[lane] = middle[lane];
             }
         }
         *state = work.start.clone();
@@ -145,6 +136,8 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
             remaining[lane] -= after[lane];
         }
     }
+    step(flow, state, work, stepper, &remaining);
+    flow.sense(state);
 }
 
 /// One step of size `step` per lane from the sensed `state`.
