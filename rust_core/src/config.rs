@@ -10,7 +10,10 @@ use crate::integrator::Stepper;
 use crate::params::{ParameterDoc, within};
 use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};
 use crate::prosthesis_controller::damper_fsm::DamperFsmParams;
+use crate::prosthesis_controller::motor_fsm::MotorFsmParams;
+use crate::prosthesis_device::DeviceParams;
 use crate::prosthesis_device::end_stop::EndStopParams;
+use crate::prosthesis_device::geared_motor::GearedMotorParams;
 use crate::prosthesis_device::passive_ankle::AnkleParams;
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
 use crate::reward::RewardParams;
@@ -96,16 +99,22 @@ tree! {
         ground: GroundParams,
         /// Human controller.
         human: HumanParams,
-        /// Knee unit.
+        /// Choice of the knee unit.
+        device: DeviceParams,
+        /// Damper knee.
         knee: VariableDamperParams,
+        /// Motor knee.
+        motor: GearedMotorParams,
         /// End stops of the knee.
         end_stop: EndStopParams,
         /// Ankle.
         ankle: AnkleParams,
         /// Sensors.
         sensors: SensorParams,
-        /// Reference controller.
+        /// Reference controller of the damper knee.
         state_machine: DamperFsmParams,
+        /// Reference controller of the motor knee.
+        motor_state_machine: MotorFsmParams,
         /// Integration.
         solver: SolverParams,
         /// What happens in an episode.

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 
 use crate::config::Config;
 use crate::error::Result;
-use crate::prosthesis_controller::agent::{self, CHANNELS};
+use crate::prosthesis_controller::agent::{self, ActionMap, LONGEST_FRAME};
 use crate::recorder::Recorder;
 use crate::reward::{self, Outcome, TERMS};
 use crate::signals::GRAVITY;
@@ -62,8 +62,10 @@ pub struct Setup {
     pub config: Config,
     /// What happens after an episode's end.
     pub autoreset: Autoreset,
+    action: ActionMap,
     weights: [f64; TERMS.len()],
     last_sample: u64,
+    frame_size: usize,
 }
 
 impl Setup {
@@ -72,12 +74,14 @@ impl Setup {
         config.validate()?;
         let weights = config.reward.weights();
         let last_sample = config.scenario.samples();
-        Ok(Self { config, autoreset, weights, last_sample })
+        let action = ActionMap::new(&config);
+        let frame_size = agent::channels(config.device.kind).len();
+        Ok(Self { config, autoreset, action, weights, last_sample, frame_size })
     }
 
     /// Length of one environment's observation.
     pub fn observation_size(&self) -> usize {
-        self.config.observation.frames * CHANNELS.len()
+        self.config.observation.frames * self.frame_size
     }
 }
 
@@ -158,8 +162,8 @@ impl<const L: usize> Environments<L> {
         for lane in (0..L).filter(|&lane| lanes[lane]) {
             let frame = self.frame(setup, lane);
             self.observation_mut(setup, lane)
-                .chunks_exact_mut(frame.len())
-                .for_each(|slot| slot.copy_from_slice(&frame));
+                .chunks_exact_mut(setup.frame_size)
+                .for_each(|slot| slot.copy_from_slice(&frame[..setup.frame_size]));
             if let Some((_, recorder)) = self.recorder.as_mut().filter(|(recorded, _)| *recorded == lane) {
                 *recorder = Recorder::default();
                 recorder.push(&self.simulation, lane);
@@ -167,9 +171,9 @@ impl<const L: usize> Environments<L> {
         }
     }
 
-    fn frame(&self, setup: &Setup, lane: usize) -> [f32; CHANNELS.len()] {
+    fn frame(&self, setup: &Setup, lane: usize) -> [f32; LONGEST_FRAME] {
         agent::frame(
-            &setup.config.action,
+            &setup.action,
             &self.simulation.readings[lane],
             self.envs[lane].last_command,
             self.simulation.state_machine_command[lane],
@@ -179,10 +183,11 @@ impl<const L: usize> Environments<L> {
     /// Pushes the newest frame in front of the older ones.
     fn push_frame(&mut self, setup: &Setup, lane: usize) {
         let frame = self.frame(setup, lane);
+        let frame = &frame[..setup.frame_size];
         let observation = self.observation_mut(setup, lane);
         let kept = observation.len() - frame.len();
         observation.copy_within(..kept, frame.len());
-        observation[..frame.len()].copy_from_slice(&frame);
+        observation[..frame.len()].copy_from_slice(frame);
     }
 
     /// Advances every lane by one action of `action.hold` control periods; `actions` and `output` cover the used lanes.
@@ -199,8 +204,7 @@ impl<const L: usize> Environments<L> {
             let mut commands = [0.0; L];
             for lane in 0..used {
                 let fsm = self.simulation.state_machine_command[lane];
-                let limit = setup.config.knee.max_damping_nms2_rad2;
-                commands[lane] = setup.config.action.command(actions[lane], fsm).min(limit);
+                commands[lane] = setup.action.command(actions[lane], fsm);
             }
             self.simulation.advance(&commands);
             for lane in 0..used {
@@ -282,7 +286,8 @@ impl<const L: usize> Environments<L> {
             tube_force_bw: simulation.readings[lane].tube_force_bw,
             ground_force_bw: points.iter().map(|(normal, _)| normal).sum::<f64>() / (mass * GRAVITY),
             sole_speed: points.iter().map(touching_speed).fold(0.0, f64::max),
-            command_change: command_change / setup.config.action.max_command_nms2_rad2,
+            electrical_power: plant.unit.electrical_powers(lane, &simulation.state.rotor.get(lane))[0],
+            command_change: setup.action.relative(command_change),
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::batch::Batch;
 use crate::config::Config;
 use crate::environment::{Autoreset, StepOutput};
 use crate::error::Error;
-use crate::prosthesis_controller::agent::CHANNELS;
+use crate::prosthesis_controller::agent;
 use crate::recorder::COLUMNS;
 use crate::reward::TERMS;
 use crate::termination::REASONS;
@@ -172,14 +172,20 @@ fn resolve<'py>(py: Python<'py>, config: &Bound<'py, PyAny>) -> PyResult<Bound<'
     pythonize::pythonize(py, &config).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
+/// Observation frame of the configured knee unit: (name, low, high, meaning) in order.
+#[pyfunction]
+fn channels(config: &Bound<'_, PyAny>) -> PyResult<Vec<(&'static str, f32, f32, &'static str)>> {
+    let frame = agent::channels(read_config(config)?.device.kind);
+    Ok(frame.iter().map(|c| (c.name, c.bounds[0], c.bounds[1], c.doc)).collect())
+}
+
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyBatch>()?;
     module.add_function(wrap_pyfunction!(parameters, module)?)?;
     module.add_function(wrap_pyfunction!(resolve, module)?)?;
+    module.add_function(wrap_pyfunction!(channels, module)?)?;
     module.add("TERMS", TERMS.to_vec())?;
     module.add("REASONS", REASONS.to_vec())?;
-    let channels: Vec<_> = CHANNELS.iter().map(|c| (c.name, c.bounds[0], c.bounds[1], c.doc)).collect();
-    module.add("CHANNELS", channels)?;
     Ok(())
 }

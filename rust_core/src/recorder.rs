@@ -5,7 +5,7 @@ use crate::signals::GRAVITY;
 use crate::simulation::Simulation;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 34] = [
+pub const COLUMNS: [&str; 42] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -40,6 +40,14 @@ pub const COLUMNS: [&str; 34] = [
     "extension_stop_peak_nm",
     "pendulum_foot_x_m",
     "push_force_n",
+    "motor_current_a",
+    "commanded_current_a",
+    "motor_speed_rad_s",
+    "commanded_torque_nm",
+    "gear_torque_nm",
+    "rotor_power_w",
+    "electrical_power_w",
+    "joule_power_w",
 ];
 
 /// A foot strike, located in time by the stepper's events.
@@ -100,6 +108,11 @@ fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS
     let reactions = plant.reactions(&simulation.state, lane);
     let (pendulum_foot_x, grounded) = plant.pendulum_foot(lane);
     let weight = body.mass * GRAVITY;
+    let rotor = simulation.state.rotor.get(lane);
+    let motor = plant.unit.motor_signals(lane);
+    let [electrical, joule] = plant.unit.electrical_powers(lane, &rotor);
+    let (motor_limit, torque_per_ampere) = plant.unit.motor_scale(lane);
+    let commanded_current = if motor_limit > 0.0 { plant.command[lane] } else { 0.0 };
     [
         time,
         plant.intent[lane],
@@ -131,10 +144,19 @@ fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS
         plant.contact(1, lane).normal / weight,
         f64::from(memory.residual as u8),
         f64::from(memory.intact as u8),
-        f64::from(simulation.state_machine[lane].phase as u8),
+        f64::from(simulation.state_machine[lane].phase()),
         plant.command[lane],
         plant.extension_stop_peak[lane],
         if grounded { pendulum_foot_x } else { f64::NAN },
         plant.push_x[lane],
+        motor.current,
+        commanded_current,
+        rotor.rate,
+        // In the sign of joint 5, like the knee torque: extension is positive.
+        -commanded_current.clamp(-motor_limit, motor_limit) * torque_per_ampere,
+        -motor.gear_torque,
+        motor.torque * rotor.rate,
+        electrical,
+        joule,
     ]
 }

@@ -4,7 +4,8 @@ use crate::params::{params, within};
 use crate::signals::CONTROL_PERIOD_S;
 
 /// Names of the terms, in the order of every array over them.
-pub const TERMS: [&str; 7] = ["alive", "fall", "end_stop", "energy", "stance_buckling", "scuffing", "smoothness"];
+pub const TERMS: [&str; 8] =
+    ["alive", "fall", "end_stop", "energy", "electricity", "stance_buckling", "scuffing", "smoothness"];
 
 params! {
     /// Weight of each term; the reward is their weighted sum.
@@ -17,6 +18,8 @@ params! {
         end_stop: f64 = -2.0, "kg/(N m s)", within(-1e6, 1e6);
         /// Positive work of the residual hip per body mass: what the leg costs its user, J/kg.
         energy: f64 = -0.2, "kg/J", within(-1e6, 1e6);
+        /// Electrical energy that the motor draws per body mass, nothing credited for what it returns, J/kg.
+        electricity: f64 = -0.2, "kg/J", within(-1e6, 1e6);
         /// Time integral of knee flexion beyond 25 deg while the leg carries more than 0.3 body weights, rad s.
         stance_buckling: f64 = -2.0, "1/(rad s)", within(-1e6, 1e6);
         /// Time integral of the ground force on a foot that moves forward faster than 0.3 m/s, in body weights, s.
@@ -29,7 +32,16 @@ params! {
 impl RewardParams {
     /// Weights in the order of [`TERMS`].
     pub fn weights(&self) -> [f64; TERMS.len()] {
-        [self.alive, self.fall, self.end_stop, self.energy, self.stance_buckling, self.scuffing, self.smoothness]
+        [
+            self.alive,
+            self.fall,
+            self.end_stop,
+            self.energy,
+            self.electricity,
+            self.stance_buckling,
+            self.scuffing,
+            self.smoothness,
+        ]
     }
 }
 
@@ -44,6 +56,8 @@ pub struct Outcome {
     pub mass: f64,
     /// Mechanical power of the hip, W.
     pub hip_power: f64,
+    /// Electrical power drawn, W; 0 without a motor.
+    pub electrical_power: f64,
     /// Knee flexion, rad.
     pub knee_angle: f64,
     /// Tube force, body weights.
@@ -76,6 +90,7 @@ pub fn terms(outcome: &Outcome) -> [f64; TERMS.len()] {
         when(outcome.failed, 1.0),
         (outcome.extension_stop_peak - SOFT_STOP_NM).max(0.0) / outcome.mass * dt,
         outcome.hip_power.max(0.0) / outcome.mass * dt,
+        outcome.electrical_power.max(0.0) / outcome.mass * dt,
         when(in_stance, (outcome.knee_angle - STANCE_FLEXION_DEG.to_radians()).max(0.0) * dt),
         when(scuffs, outcome.ground_force_bw * dt),
         outcome.command_change * outcome.command_change,

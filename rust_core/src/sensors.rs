@@ -12,6 +12,29 @@ params! {
         knee_encoder_ticks: usize = 4096, "1/rev", within(0.0, 16_777_216.0);
         /// Cut-off of the first-order Butterworth filter on the knee speed.
         knee_speed_cutoff_hz: f64 = 15.0, "Hz", within(0.1, 99.0);
+        /// Cut-off of the first-order Butterworth filter on the rate of the ankle moment.
+        ankle_moment_rate_cutoff_hz: f64 = 5.0, "Hz", within(0.1, 99.0);
+    }
+}
+
+/// First-order Butterworth low-pass by the bilinear transform, y = decay y + gain (x + x_previous), on a backward difference.
+#[derive(Clone, Copy, Debug)]
+struct FilteredRate {
+    decay: f64,
+    gain: f64,
+}
+
+impl FilteredRate {
+    fn new(cutoff_hz: f64) -> Self {
+        let warped = (std::f64::consts::PI * cutoff_hz * CONTROL_PERIOD_S).tan();
+        Self { decay: (1.0 - warped) / (1.0 + warped), gain: warped / (1.0 + warped) }
+    }
+
+    /// New backward difference and filtered rate.
+    #[inline(always)]
+    fn next(&self, value: f64, last_value: f64, last_difference: f64, last_rate: f64) -> (f64, f64) {
+        let difference = (value - last_value) / CONTROL_PERIOD_S;
+        (difference, self.decay * last_rate + self.gain * (difference + last_difference))
     }
 }
 
@@ -20,18 +43,16 @@ params! {
 pub struct Sensors {
     /// Encoder tick, rad; 0 is ideal.
     tick: f64,
-    /// Bilinear Butterworth low-pass y = decay y + gain (x + x_previous).
-    decay: f64,
-    gain: f64,
+    knee_speed: FilteredRate,
+    ankle_moment_rate: FilteredRate,
 }
 
 impl From<&SensorParams> for Sensors {
     fn from(p: &SensorParams) -> Self {
-        let warped = (std::f64::consts::PI * p.knee_speed_cutoff_hz * CONTROL_PERIOD_S).tan();
         Self {
             tick: if p.knee_encoder_ticks == 0 { 0.0 } else { std::f64::consts::TAU / p.knee_encoder_ticks as f64 },
-            decay: (1.0 - warped) / (1.0 + warped),
-            gain: warped / (1.0 + warped),
+            knee_speed: FilteredRate::new(p.knee_speed_cutoff_hz),
+            ankle_moment_rate: FilteredRate::new(p.ankle_moment_rate_cutoff_hz),
         }
     }
 }
@@ -41,10 +62,16 @@ lanes! {
     pub struct SensorMemory, SensorMemoryLanes {
         /// Last encoder reading, rad.
         knee_angle: f64,
-        /// Last backward difference, rad/s.
-        difference: f64,
-        /// Last filtered speed, rad/s.
-        speed: f64,
+        /// Its last backward difference, rad/s.
+        knee_difference: f64,
+        /// Last filtered knee speed, rad/s.
+        knee_speed: f64,
+        /// Last ankle moment, N m/kg.
+        ankle_moment: f64,
+        /// Its last backward difference, N m/kg/s.
+        ankle_difference: f64,
+        /// Its last filtered rate, N m/kg/s.
+        ankle_moment_rate: f64,
     }
 }
 
@@ -59,24 +86,41 @@ impl Sensors {
     /// Memory at the first sample: filters start at rest there.
     #[inline(always)]
     pub fn start(&self, truth: &Measurand) -> SensorMemory {
-        SensorMemory { knee_angle: quantise(truth.knee_angle, self.tick), difference: 0.0, speed: 0.0 }
+        SensorMemory {
+            knee_angle: quantise(truth.knee_angle, self.tick),
+            ankle_moment: truth.ankle_moment_nm_kg,
+            ..SensorMemory::default()
+        }
     }
 
     /// One sample: new memory and what the controller receives.
     #[inline(always)]
     pub fn sample(&self, memory: &SensorMemory, truth: &Measurand) -> (SensorMemory, Readings) {
         let knee_angle = quantise(truth.knee_angle, self.tick);
-        let difference = (knee_angle - memory.knee_angle) / CONTROL_PERIOD_S;
-        let speed = self.decay * memory.speed + self.gain * (difference + memory.difference);
+        let (knee_difference, knee_speed) =
+            self.knee_speed.next(knee_angle, memory.knee_angle, memory.knee_difference, memory.knee_speed);
+        let ankle_moment = truth.ankle_moment_nm_kg;
+        let (ankle_difference, ankle_moment_rate) = self.ankle_moment_rate.next(
+            ankle_moment,
+            memory.ankle_moment,
+            memory.ankle_difference,
+            memory.ankle_moment_rate,
+        );
         let readings = Readings {
             knee_angle,
-            knee_speed: speed,
+            knee_speed,
             tube_force_bw: truth.tube_force_bw,
             tube_moment_nm_kg: truth.tube_moment_nm_kg,
             shank_angle: truth.shank_angle,
             shank_rate: truth.shank_rate,
+            ankle_moment_nm_kg: ankle_moment,
+            ankle_moment_rate,
+            motor_current: truth.motor_current,
+            motor_speed: truth.motor_speed,
         };
-        (SensorMemory { knee_angle, difference, speed }, readings)
+        let memory =
+            SensorMemory { knee_angle, knee_difference, knee_speed, ankle_moment, ankle_difference, ankle_moment_rate };
+        (memory, readings)
     }
 }
 

@@ -21,6 +21,12 @@ lanes! {
         shank_angle: f64,
         /// Shank angular velocity, rad/s.
         shank_rate: f64,
+        /// Ankle moment, N m/kg, plantarflexing positive.
+        ankle_moment_nm_kg: f64,
+        /// Motor current, A; zero without a motor.
+        motor_current: f64,
+        /// Motor speed, rad/s, flexing positive; zero without a motor.
+        motor_speed: f64,
     }
 }
 
@@ -39,5 +45,13 @@ lanes! {
         shank_angle: f64,
         /// Shank angular velocity, rad/s.
         shank_rate: f64,
+        /// Ankle moment, N m/kg, plantarflexing positive.
+        ankle_moment_nm_kg: f64,
+        /// Its filtered rate, N m/kg/s.
+        ankle_moment_rate: f64,
+        /// Motor current, A.
+        motor_current: f64,
+        /// Motor speed, rad/s, flexing positive.
+        motor_speed: f64,
     }
 }

@@ -11,7 +11,7 @@ use crate::config::{Config, SolverParams};
 use crate::energy_meter::EnergyMeter;
 use crate::human_prosthesis::{HumanProsthesis, State};
 use crate::integrator::{self, HybridFlow, Workspace};
-use crate::prosthesis_controller::damper_fsm::{DamperFsm, DamperFsmParams};
+use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
 use crate::scenario::Episode;
 use crate::sensors::{SensorMemory, Sensors};
 use crate::signals::{CONTROL_PERIOD_S, Measurand, Readings};
@@ -26,15 +26,15 @@ pub struct Simulation<const L: usize> {
     /// Last sensor readings.
     pub readings: [Readings; L],
     /// State machine of each walker: it listens even where an agent commands.
-    pub state_machine: [DamperFsm; L],
-    /// What the state machine commands from the last readings, N m s^2/rad^2.
+    pub state_machine: [ReferenceController; L],
+    /// What the state machine commands from the last readings, in the knee unit's own unit.
     pub state_machine_command: [f64; L],
     /// Control periods since the start of the trial.
     pub sample: [u64; L],
     episode: [Option<Episode>; L],
     sensors: Sensors,
     sensor_memory: [SensorMemory; L],
-    fsm_params: DamperFsmParams,
+    reference: ReferenceParams,
     solver: SolverParams,
     work: Workspace<State<L>>,
     scratch: State<L>,
@@ -44,16 +44,17 @@ impl<const L: usize> Simulation<L> {
     /// Walkers that each wait for [`start`](Self::start).
     pub fn new(config: &Config) -> Self {
         let state = State::default();
+        let reference = ReferenceParams::from(config);
         Self {
             plant: HumanProsthesis::new(config),
             readings: [Readings::default(); L],
-            state_machine: [DamperFsm::default(); L],
+            state_machine: [reference.start(); L],
             state_machine_command: [0.0; L],
             sample: [0; L],
             episode: std::array::from_fn(|_| None),
             sensors: Sensors::from(&config.sensors),
             sensor_memory: [SensorMemory::default(); L],
-            fsm_params: config.state_machine.clone(),
+            reference,
             solver: config.solver,
             work: Workspace::new(&state),
             scratch: state.clone(),
@@ -66,7 +67,7 @@ impl<const L: usize> Simulation<L> {
         self.plant.profile[lane].clone_from(&episode.profile);
         self.plant.start(&mut self.state, lane, episode.start);
         self.plant.command[lane] = 0.0;
-        self.state_machine[lane] = DamperFsm::default();
+        self.state_machine[lane] = self.reference.start();
         self.sample[lane] = 0;
         self.episode[lane] = Some(episode);
     }
@@ -81,7 +82,7 @@ impl<const L: usize> Simulation<L> {
         }
     }
 
-    /// One control period with the given commands (damping coefficients, N m s^2/rad^2).
+    /// One control period with the given commands to the knee units.
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; L]) {
         self.begin_period(commands);
@@ -155,6 +156,9 @@ impl<const L: usize> Simulation<L> {
             tube_moment_nm_kg: -reactions.tube_torque / mass,
             shank_angle: motion.shank,
             shank_rate: motion.shank_rate,
+            ankle_moment_nm_kg: -self.plant.device(lane).ankle / mass,
+            motor_current: self.plant.unit.motor_signals(lane).current,
+            motor_speed: self.state.rotor.rate[lane],
         }
     }
 
@@ -163,7 +167,7 @@ impl<const L: usize> Simulation<L> {
         let (memory, readings) = self.sensors.sample(&self.sensor_memory[lane], &self.measure(lane));
         self.sensor_memory[lane] = memory;
         self.readings[lane] = readings;
-        self.state_machine_command[lane] = self.state_machine[lane].update(&self.fsm_params, &readings);
+        self.state_machine_command[lane] = self.state_machine[lane].update(&self.reference, &readings);
     }
 
     /// Sum of all continuous state variables of a lane: finite only if all of them are.
@@ -176,5 +180,6 @@ impl<const L: usize> Simulation<L> {
             + (m.hip_vx + m.hip_vy + m.thigh_rate + m.shank_rate + m.foot_rate)
             + (r.trunk + r.trunk_rate + r.hip + r.hip_rate)
             + (d.heel + d.ball + d.knee + d.hip)
+            + (self.state.rotor.angle[lane] + self.state.rotor.rate[lane])
     }
 }

@@ -30,8 +30,9 @@ use crate::integrator::{HybridFlow, StateVector};
 use crate::lanes::lanes;
 use crate::math::clamp;
 use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes, extension_stop, flexion_stop};
+use crate::prosthesis_device::geared_motor::RotorLanes;
 use crate::prosthesis_device::passive_ankle::{Ankle, AnkleLanes, ankle_torque};
-use crate::prosthesis_device::variable_damper::{VariableDamper, VariableDamperLanes, damper_torque};
+use crate::prosthesis_device::{JointMotion, JointMotionLanes, KneeUnit, UnitTorque, UnitTorqueLanes};
 
 /// Contact points, in the order of every array over them.
 pub const CONTACT_POINTS: usize = 4;
@@ -50,6 +51,8 @@ pub struct State<const L: usize> {
     pub reference: ReferenceLanes<L>,
     /// Time and ground deformation.
     pub rest: RestLanes<L>,
+    /// Rotor of the knee unit; stays zero in a unit without one.
+    pub rotor: RotorLanes<L>,
 }
 
 lanes! {
@@ -75,6 +78,7 @@ impl<const L: usize> StateVector<L> for State<L> {
         self.motion.add_scaled(&base.motion, step, &rate.motion);
         self.reference.add_scaled(&base.reference, step, &rate.reference);
         self.rest.add_scaled(&base.rest, step, &rate.rest);
+        self.rotor.add_scaled(&base.rotor, step, &rate.rotor);
     }
 }
 
@@ -83,7 +87,9 @@ lanes! {
     pub struct DeviceTorque, DeviceTorqueLanes {
         /// Knee flexion, rad.
         knee_angle: f64,
-        /// Knee torque T_D of the damper.
+        /// Knee torque of the unit, end stops apart.
+        unit: f64,
+        /// T_D, the part of a damper's command.
         damper: f64,
         /// Extension stop, resisting, never negative.
         extension_stop: f64,
@@ -121,12 +127,13 @@ pub struct HumanProsthesis<const L: usize> {
     body: BodyLanes<L>,
     ground: GroundLanes<L>,
     human: HumanLanes<L>,
-    knee: VariableDamperLanes<L>,
+    /// Knee unit.
+    pub unit: KneeUnit<L>,
     end_stop: EndStopLanes<L>,
     ankle: AnkleLanes<L>,
     human_params: HumanParams,
     // Inputs, constant over a control period.
-    /// Commanded damping coefficient, N m s^2/rad^2.
+    /// Command to the knee unit: damping coefficient, N m s^2/rad^2, or motor current, A.
     pub command: [f64; L],
     /// Disturbance on the trunk, forward, N.
     pub push_x: [f64; L],
@@ -146,6 +153,8 @@ pub struct HumanProsthesis<const L: usize> {
     midfoot: [f64; L],
     prescribed: PrescribedLanes<L>,
     hip_torque: HipTorqueLanes<L>,
+    joint: JointMotionLanes<L>,
+    unit_torque: UnitTorqueLanes<L>,
     device: DeviceTorqueLanes<L>,
     acceleration: AccelerationLanes<L>,
     /// Largest extension-stop torque at any evaluation since it was last cleared, N m.
@@ -169,7 +178,7 @@ impl<const L: usize> HumanProsthesis<L> {
             body: BodyLanes::splat(body),
             ground: GroundLanes::splat(Ground::from(&params.ground)),
             human: HumanLanes::splat(human),
-            knee: VariableDamperLanes::splat(VariableDamper::from(&params.knee)),
+            unit: KneeUnit::new(&params.device, &params.knee, &params.motor),
             end_stop: EndStopLanes::splat(EndStop::from(&params.end_stop)),
             ankle: AnkleLanes::splat(Ankle::from(&params.ankle)),
             human_params: params.human.clone(),
@@ -187,6 +196,8 @@ impl<const L: usize> HumanProsthesis<L> {
             midfoot: [0.0; L],
             prescribed: PrescribedLanes::default(),
             hip_torque: HipTorqueLanes::default(),
+            joint: JointMotionLanes::default(),
+            unit_torque: UnitTorqueLanes::default(),
             device: DeviceTorqueLanes::default(),
             acceleration: AccelerationLanes::default(),
             extension_stop_peak: [0.0; L],
@@ -253,6 +264,39 @@ impl<const L: usize> HumanProsthesis<L> {
         }
     }
 
+    /// Whether the human's state machine has a transition to make.
+    #[inline(always)]
+    fn steps(&self, state: &State<L>, lane: usize) -> bool {
+        gait_fsm::holds(&self.guard.get(lane), &self.percept(state, lane))
+    }
+
+    fn step_transition(&mut self, state: &State<L>, lane: usize) {
+        let time = state.rest.time[lane];
+        let motion = state.motion.get(lane);
+        let human = self.human.get(lane);
+        let speed = self.profile[lane].speed(time);
+        let walks = self.intent[lane] > 0.5;
+        self.memory[lane].transition(&human, &self.human_params, time, motion.hip_x, speed, walks);
+        self.refresh_drive(lane);
+        // The pendulum force follows from the new drive; kinematics and contacts stay as sensed.
+        self.sense_trunk_force(state, lane);
+    }
+
+    #[inline(always)]
+    fn sense_trunk_force(&mut self, state: &State<L>, lane: usize) {
+        let motion = state.motion.get(lane);
+        let force = slip_leg::trunk_force(
+            &self.human.get(lane),
+            &self.drive.get(lane),
+            motion.hip_x,
+            motion.hip_y,
+            motion.hip_vx,
+            motion.hip_vy,
+            state.rest.time[lane],
+        );
+        self.trunk_force.set(lane, force);
+    }
+
     #[inline(always)]
     fn percept(&self, state: &State<L>, lane: usize) -> Percept {
         Percept {
@@ -289,19 +333,16 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
             self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
         }
         for lane in 0..L {
-            let motion = state.motion.get(lane);
-            let force = slip_leg::trunk_force(
-                &self.human.get(lane),
-                &self.drive.get(lane),
-                motion.hip_x,
-                motion.hip_y,
-                motion.hip_vx,
-                motion.hip_vy,
-                state.rest.time[lane],
-            );
-            self.trunk_force.set(lane, force);
+            self.sense_trunk_force(state, lane);
         }
         self.sense_fall(state);
+        for lane in 0..L {
+            let motion = state.motion.get(lane);
+            let flexion = motion.thigh - motion.shank;
+            let flexion_rate = motion.thigh_rate - motion.shank_rate;
+            self.joint.set(lane, JointMotion { flexion, flexion_rate });
+        }
+        self.unit.sense(&self.joint, &state.rotor, &self.command);
     }
 
     #[inline(always)]
@@ -334,15 +375,15 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
             self.hip_torque.set(lane, hip_torque(&drive, &motion, &smooth));
         }
         // Prosthesis device.
+        self.unit.torques(&self.joint, &state.rotor, &self.command, implicit_step, &mut self.unit_torque);
         for lane in 0..L {
-            let motion = state.motion.get(lane);
             let torque = device_torque(
-                &self.knee.get(lane),
+                &self.unit_torque.get(lane),
+                &self.joint.get(lane),
                 &self.end_stop.get(lane),
                 &self.ankle.get(lane),
                 self.body.foot_mount[lane],
-                &motion,
-                self.command[lane],
+                &state.motion.get(lane),
             );
             self.device.set(lane, torque);
             self.extension_stop_peak[lane] = crate::math::max(torque.extension_stop, self.extension_stop_peak[lane]);
@@ -359,6 +400,9 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
             );
             self.acceleration.set(lane, acceleration);
         }
+        let flexion_acceleration =
+            std::array::from_fn(|lane| self.acceleration.thigh[lane] - self.acceleration.shank[lane]);
+        self.unit.rates(&self.joint, &state.rotor, &flexion_acceleration, implicit_step, &mut rates.rotor);
         // Rates of the state; an implicit step moves with the velocity at its end.
         for lane in 0..L {
             let step = implicit_step[lane];
@@ -408,33 +452,21 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
 
     #[inline(always)]
     fn fired(&self, state: &State<L>) -> [bool; L] {
-        std::array::from_fn(|lane| gait_fsm::holds(&self.guard.get(lane), &self.percept(state, lane)))
+        let unit = self.unit.fired(&state.rotor);
+        std::array::from_fn(|lane| unit[lane] | self.steps(state, lane))
     }
 
     fn transition(&mut self, state: &mut State<L>, fired: &[bool; L]) {
+        let unit = self.unit.fired(&state.rotor);
         for lane in (0..L).filter(|&lane| fired[lane]) {
-            let time = state.rest.time[lane];
-            self.memory[lane].transition(
-                &self.human.get(lane),
-                &self.human_params,
-                time,
-                state.motion.hip_x[lane],
-                self.profile[lane].speed(time),
-                self.intent[lane] > 0.5,
-            );
-            self.refresh_drive(lane);
-            // The pendulum force follows from the new drive; kinematics and contacts stay as sensed.
-            let motion = state.motion.get(lane);
-            let force = slip_leg::trunk_force(
-                &self.human.get(lane),
-                &self.drive.get(lane),
-                motion.hip_x,
-                motion.hip_y,
-                motion.hip_vx,
-                motion.hip_vy,
-                time,
-            );
-            self.trunk_force.set(lane, force);
+            if self.steps(state, lane) {
+                self.step_transition(state, lane);
+            }
+            if unit[lane] {
+                let rotor = state.rotor.get(lane);
+                let rotor = self.unit.transition(lane, &self.joint.get(lane), rotor, self.command[lane]);
+                state.rotor.set(lane, rotor);
+            }
         }
     }
 }
@@ -459,29 +491,27 @@ fn hip_torque(drive: &Drive, motion: &Motion, smooth: &Reference) -> HipTorque {
     }
 }
 
-/// Knee and ankle torque of the damper leg (section 5.2.1).
+/// Knee torque of unit and end stops, and ankle torque (section 5.2.1).
 #[inline(always)]
 fn device_torque(
-    knee: &VariableDamper,
+    unit: &UnitTorque,
+    joint: &JointMotion,
     stop: &EndStop,
     ankle: &Ankle,
     foot_mount: f64,
     motion: &Motion,
-    command: f64,
 ) -> DeviceTorque {
-    let angle = motion.shank - motion.thigh;
-    let rate = motion.shank_rate - motion.thigh_rate;
-    let damper = damper_torque(knee, angle, rate, command);
-    let extension = extension_stop(stop, -angle, -rate);
-    let flexion = flexion_stop(stop, -angle, -rate);
+    let extension = extension_stop(stop, joint.flexion, joint.flexion_rate);
+    let flexion = flexion_stop(stop, joint.flexion, joint.flexion_rate);
     DeviceTorque {
-        knee_angle: -angle,
-        damper: damper.controlled,
+        knee_angle: joint.flexion,
+        unit: unit.torque,
+        damper: unit.damper,
         extension_stop: extension.torque,
         flexion_stop: flexion.torque,
-        knee: damper.total - extension.torque + flexion.torque,
-        knee_damping: damper.damping + extension.damping + flexion.damping,
-        knee_stiffness: knee.spring + extension.stiffness + flexion.stiffness,
+        knee: unit.torque - extension.torque + flexion.torque,
+        knee_damping: unit.damping + extension.damping + flexion.damping,
+        knee_stiffness: unit.stiffness + extension.stiffness + flexion.stiffness,
         ankle: ankle_torque(ankle, motion.foot - motion.shank - foot_mount, motion.foot_rate - motion.shank_rate),
     }
 }

@@ -13,7 +13,7 @@ pub const POWERS: [&str; 12] = [
     "trunk_rotation",
     "trunk_force",
     "push",
-    "knee_damper",
+    "knee_command",
     "knee_spring",
     "knee_friction",
     "extension_stop",
@@ -89,14 +89,17 @@ impl<const L: usize> HumanProsthesis<L> {
         )
     }
 
-    /// Kinetic and potential energy.
+    /// Kinetic and potential energy of segments and knee unit's rotor.
     pub fn energy(&self, state: &State<L>, lane: usize) -> walker::Energy {
-        walker::energy(
+        let (_, rotor) =
+            self.unit.powers(lane, &self.joint.get(lane), &state.rotor.get(lane), &self.unit_torque.get(lane));
+        let segments = walker::energy(
             &self.body.get(lane),
             &self.kinematics.get(lane),
             &state.motion.get(lane),
             &self.prescribed.get(lane),
-        )
+        );
+        walker::Energy { kinetic: segments.kinetic + rotor, ..segments }
     }
 
     /// Power of each of [`POWERS`] at the last evaluation, W; their sum is the rate of kinetic plus potential energy.
@@ -105,8 +108,8 @@ impl<const L: usize> HumanProsthesis<L> {
         let kin = self.kinematics.get(lane);
         let knee_rate = motion.shank_rate - motion.thigh_rate;
         let device = self.device.get(lane);
-        let spring = self.knee.spring[lane] * device.knee_angle;
-        let stops = device.flexion_stop - device.extension_stop;
+        let (unit, _) =
+            self.unit.powers(lane, &self.joint.get(lane), &state.rotor.get(lane), &self.unit_torque.get(lane));
         let trunk = self.trunk_force.get(lane);
         let prescribed = self.prescribed.get(lane);
         let points = [
@@ -123,9 +126,9 @@ impl<const L: usize> HumanProsthesis<L> {
             self.reactions(state, lane).trunk_torque * prescribed.rate,
             trunk.x * motion.hip_vx + trunk.y * motion.hip_vy,
             self.push_x[lane] * motion.hip_vx,
-            device.damper * knee_rate,
-            spring * knee_rate,
-            (device.knee - device.damper - spring - stops) * knee_rate,
+            unit[0],
+            unit[1],
+            unit[2],
             -device.extension_stop * knee_rate,
             device.flexion_stop * knee_rate,
             device.ankle * (motion.foot_rate - motion.shank_rate),

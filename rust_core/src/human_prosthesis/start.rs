@@ -48,6 +48,8 @@ impl<const L: usize> HumanProsthesis<L> {
         state.motion.set(lane, motion);
         state.reference.set(lane, reference);
         state.rest.set(lane, Rest::default());
+        let rotor = self.unit.start(lane, motion.thigh - motion.shank);
+        state.rotor.set(lane, rotor);
         self.memory[lane] = match start {
             Start::Standing => Memory::standing(&self.human_params, speed),
             Start::Cyclic => Memory::cyclic(&self.human_params, speed),

@@ -3,6 +3,7 @@
 use crate::lanes::lanes;
 use crate::math::tanh;
 use crate::params::{params, within};
+use crate::prosthesis_device::{JointMotion, UnitTorque};
 
 params! {
     /// Hydraulic knee with a commanded quadratic damping coefficient (section 5.2.1).
@@ -45,27 +46,17 @@ impl From<&VariableDamperParams> for VariableDamper {
     }
 }
 
-lanes! {
-    /// Knee torque of the damper unit without end stops; joint angle q5 (extension positive).
-    pub struct DamperTorque, DamperTorqueLanes {
-        /// T_D = -c q5' |q5'|, N m: the controlled part.
-        controlled: f64,
-        /// All parts, N m.
-        total: f64,
-        /// -d total / d q5', N m s/rad.
-        damping: f64,
-    }
-}
-
-/// Torque on the knee at joint angle `angle` (rad), rate (rad/s) and commanded coefficient (N m s^2/rad^2).
+/// Torque of the damper on the knee under the commanded coefficient (N m s^2/rad^2).
 #[inline(always)]
-pub fn damper_torque(damper: &VariableDamper, angle: f64, rate: f64, coefficient: f64) -> DamperTorque {
+pub fn damper_torque(damper: &VariableDamper, joint: &JointMotion, coefficient: f64) -> UnitTorque {
+    let (angle, rate) = (-joint.flexion, -joint.flexion_rate);
     let controlled = -coefficient * rate * rate.abs();
     let dry = tanh(damper.dry_slope * rate);
-    DamperTorque {
-        controlled,
-        total: controlled - damper.spring * angle - damper.viscous * rate - damper.dry * dry,
+    UnitTorque {
+        damper: controlled,
+        torque: controlled - damper.spring * angle - damper.viscous * rate - damper.dry * dry,
         damping: 2.0 * coefficient * rate.abs() + damper.viscous + damper.dry * damper.dry_slope * (1.0 - dry * dry),
+        stiffness: damper.spring,
     }
 }
 
@@ -73,25 +64,27 @@ pub fn damper_torque(damper: &VariableDamper, angle: f64, rate: f64, coefficient
 mod tests {
     use super::*;
 
+    /// Torque at joint rate `rate` (extension positive).
+    fn at(angle: f64, rate: f64, coefficient: f64) -> UnitTorque {
+        let damper = VariableDamper::from(&VariableDamperParams::default());
+        damper_torque(&damper, &JointMotion { flexion: -angle, flexion_rate: -rate }, coefficient)
+    }
+
     #[test]
     fn the_controlled_part_never_adds_energy_and_is_quadratic() {
-        let damper = VariableDamper::from(&VariableDamperParams::default());
         for rate in [-8.0, -0.3, 0.0, 0.2, 5.0] {
-            let t = damper_torque(&damper, 0.0, rate, 3.0);
-            assert!(t.controlled * rate <= 0.0);
-            assert!((t.controlled.abs() - 3.0 * rate * rate).abs() < 1e-12);
+            let torque = at(0.0, rate, 3.0);
+            assert!(torque.damper * rate <= 0.0);
+            assert!((torque.damper.abs() - 3.0 * rate * rate).abs() < 1e-12);
         }
     }
 
     #[test]
     fn damping_is_the_derivative_of_the_total() {
-        let damper = VariableDamper::from(&VariableDamperParams::default());
         for rate in [-3.0, -0.004, 0.002, 1.0] {
             let e = 1e-7;
-            let difference = (damper_torque(&damper, -0.3, rate + e, 4.0).total
-                - damper_torque(&damper, -0.3, rate - e, 4.0).total)
-                / (2.0 * e);
-            let damping = damper_torque(&damper, -0.3, rate, 4.0).damping;
+            let difference = (at(-0.3, rate + e, 4.0).torque - at(-0.3, rate - e, 4.0).torque) / (2.0 * e);
+            let damping = at(-0.3, rate, 4.0).damping;
             assert!((damping + difference).abs() < 1e-5 * damping, "{rate}");
         }
     }
