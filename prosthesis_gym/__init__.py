@@ -11,14 +11,16 @@ from importlib.metadata import version
 
 from gymnasium.envs.registration import register
 
-from prosthesis_gym.env import DamperKneeEnv
-from prosthesis_gym.vector_env import DamperKneeVectorEnv
+from prosthesis_gym.env import ProsthesisEnv
+from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 __version__ = version("prosthesis-gym")
-__all__ = ["DamperKneeEnv", "DamperKneeVectorEnv"]
+__all__ = ["ProsthesisEnv", "ProsthesisVectorEnv"]
 
-register(
-    id="prosthesis_gym/DamperKnee-v0",
-    entry_point="prosthesis_gym.env:DamperKneeEnv",
-    vector_entry_point="prosthesis_gym.vector_env:DamperKneeVectorEnv",
-)
+for _name, _device in {"DamperKnee": "damper", "MotorKnee": "motor"}.items():
+    register(
+        id=f"prosthesis_gym/{_name}-v0",
+        entry_point="prosthesis_gym.env:ProsthesisEnv",
+        vector_entry_point="prosthesis_gym.vector_env:ProsthesisVectorEnv",
+        kwargs={"device": _device},
+    )

@@ -15,9 +15,9 @@ class ParameterDoc(TypedDict):
 
 TERMS: list[str]
 REASONS: list[str]
-CHANNELS: list[tuple[str, float, float, str]]
 
 def parameters() -> list[ParameterDoc]: ...
+def channels(config: Mapping[str, Any]) -> list[tuple[str, float, float, str]]: ...
 def resolve(config: Mapping[str, Any]) -> dict[str, Any]: ...
 
 class Batch:

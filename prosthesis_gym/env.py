@@ -10,19 +10,19 @@ from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import load_config, resolve
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S, Observations, check_actions, episode_limit, spaces
+from prosthesis_gym.vector_env import CONTROL_PERIOD_S, Observations, check_actions, environment_config, spaces
 
 
-class DamperKneeEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
-    """One walker with a variable-damping knee, stepped at 200 Hz.
+class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
+    """One walker with a prosthetic knee, stepped at 200 Hz.
 
-    Seeded with s, it gives bit for bit the trajectory of any environment of `DamperKneeVectorEnv` seeded with s.
+    Seeded with s, it gives bit for bit the trajectory of any environment of `ProsthesisVectorEnv` seeded with s.
     The info of a step holds `reward_terms` (name -> float, unweighted) and, at the end of an episode,
     `termination_reason`.
 
     Args:
         config: TOML file, nested mapping or None for the defaults.
+        device: knee unit ("damper" or "motor"); None leaves it to the configuration.
         max_episode_steps: replaces `scenario.duration_s`, in env steps.
         render_mode: must be None; there is no renderer yet.
 
@@ -35,12 +35,13 @@ class DamperKneeEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
         self,
         config: str | Path | Mapping[str, Any] | None = None,
         *,
+        device: str | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r} must be None")
-        self.config = resolve(episode_limit(load_config(config), max_episode_steps))
+        self.config = environment_config(config, device, max_episode_steps)
         self.batch = _core.Batch(1, self.config, "disabled", 1)
         observation_space, action_space = spaces(self.config)
         self.observation_space = cast("Space[Observations]", observation_space)

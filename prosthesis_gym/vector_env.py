@@ -28,19 +28,36 @@ _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] =
 def spaces(config: Mapping[str, Any]) -> tuple[Box, Box]:
     """Return observation and action space of one environment with the given complete configuration.
 
-    The observation is `observation.frames` frames of the sensors in `_core.CHANNELS`, newest first, float32, SI units.
+    The observation is `observation.frames` frames of the sensors in `_core.channels(config)`, newest first, float32.
     The action is one number in [-1, 1]; what it means is `action.mode`.
     """
     frames = config["observation"]["frames"]
-    low = np.tile(np.array([channel[1] for channel in _core.CHANNELS], dtype=np.float32), frames)
-    high = np.tile(np.array([channel[2] for channel in _core.CHANNELS], dtype=np.float32), frames)
+    channels = _core.channels(config)
+    low = np.tile(np.array([channel[1] for channel in channels], dtype=np.float32), frames)
+    high = np.tile(np.array([channel[2] for channel in channels], dtype=np.float32), frames)
     return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (1,), dtype=np.float32)
 
 
-def episode_limit(config: Mapping[str, Any], max_episode_steps: int | None) -> Config:
-    """Return `config` with its episode length replaced by a number of env steps, if one is given."""
-    if max_episode_steps is None:
-        return dict(config)
+def environment_config(
+    source: str | Path | Mapping[str, Any] | None, device: str | None, max_episode_steps: int | None
+) -> Config:
+    """Return the complete configuration of an environment.
+
+    Args:
+        source: TOML file, nested mapping or None for the defaults.
+        device: replaces `device.kind`, if given.
+        max_episode_steps: replaces `scenario.duration_s`, in env steps, if given.
+
+    """
+    config = load_config(source)
+    if device is not None:
+        config = merge(config, {"device": {"kind": device}})
+    if max_episode_steps is not None:
+        config = _limited(config, max_episode_steps)
+    return resolve(config)
+
+
+def _limited(config: Config, max_episode_steps: int) -> Config:
     if max_episode_steps < 1:
         raise ValueError(f"max_episode_steps = {max_episode_steps} must be at least 1")
     duration = max_episode_steps * resolve(config)["action"]["hold"] * CONTROL_PERIOD_S
@@ -65,8 +82,8 @@ def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64
     return array.astype(np.float64).reshape(-1)
 
 
-class DamperKneeVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDArray[Any]]):
-    """N walkers with a variable-damping knee, stepped together at 200 Hz.
+class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDArray[Any]]):
+    """N walkers with a prosthetic knee, stepped together at 200 Hz.
 
     Environment i, seeded with s, gives bit for bit the trajectory of a single environment seeded with s, whatever N and
     the number of threads. `reset(seed=s)` seeds environment i with s + i.
@@ -77,6 +94,7 @@ class DamperKneeVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
     Args:
         num_envs: number of walkers.
         config: TOML file, nested mapping or None for the defaults.
+        device: knee unit ("damper" or "motor"); None leaves it to the configuration.
         autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
         threads: worker threads; None takes all cores. Results do not depend on it.
         max_episode_steps: replaces `scenario.duration_s`, in env steps.
@@ -92,6 +110,7 @@ class DamperKneeVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         num_envs: int = 1,
         config: str | Path | Mapping[str, Any] | None = None,
         *,
+        device: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
         max_episode_steps: int | None = None,
@@ -99,7 +118,7 @@ class DamperKneeVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r} must be None")
-        self.config = resolve(episode_limit(load_config(config), max_episode_steps))
+        self.config = environment_config(config, device, max_episode_steps)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.batch = _core.Batch(num_envs, self.config, _AUTORESET[self.autoreset_mode], threads)
         self.num_envs = num_envs

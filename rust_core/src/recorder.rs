@@ -1,11 +1,13 @@
 //! Recording of one walker at 200 Hz: the columns of a trial, in the units and signs of section 3.2 of the paper.
+//! Powers are means since the previous row; everything else is sampled.
 
 use crate::human_controller::gait_fsm::IntactState;
-use crate::signals::GRAVITY;
+use crate::prosthesis_device::geared_motor::Rotor;
+use crate::signals::{CONTROL_PERIOD_S, GRAVITY};
 use crate::simulation::Simulation;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 42] = [
+pub const COLUMNS: [&str; 43] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -48,6 +50,7 @@ pub const COLUMNS: [&str; 42] = [
     "rotor_power_w",
     "electrical_power_w",
     "joule_power_w",
+    "gear_power_w",
 ];
 
 /// A foot strike, located in time by the stepper's events.
@@ -69,13 +72,21 @@ pub struct Recorder {
     /// In the order of time.
     pub strikes: Vec<FootStrike>,
     heel_strikes: u32,
+    rotor: Rotor,
 }
 
 impl Recorder {
     /// Appends the present sample of `lane`.
     pub fn push<const L: usize>(&mut self, simulation: &Simulation<L>, lane: usize) {
         self.push_strikes(simulation, lane);
-        self.rows.push(row(simulation, lane));
+        let rotor = simulation.state.rotor.get(lane);
+        let since_last = |now: f64, last: f64| (now - last) / CONTROL_PERIOD_S;
+        let rotor_power = since_last(rotor.rotor_work, self.rotor.rotor_work);
+        let joule_power = since_last(rotor.joule_heat, self.rotor.joule_heat);
+        let powers =
+            [rotor_power, rotor_power + joule_power, joule_power, since_last(rotor.knee_work, self.rotor.knee_work)];
+        self.rotor = rotor;
+        self.rows.push(row(simulation, lane, powers));
     }
 
     fn push_strikes<const L: usize>(&mut self, simulation: &Simulation<L>, lane: usize) {
@@ -96,7 +107,12 @@ impl Recorder {
     }
 }
 
-fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS.len()] {
+/// `powers`: means since the previous row of rotor, electrical, Joule and knee power, W.
+fn row<const L: usize>(
+    simulation: &Simulation<L>,
+    lane: usize,
+    [rotor_power, electrical_power, joule_power, knee_power]: [f64; 4],
+) -> [f64; COLUMNS.len()] {
     let plant = &simulation.plant;
     let motion = simulation.state.motion.get(lane);
     let smooth = simulation.state.reference.get(lane);
@@ -110,7 +126,6 @@ fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS
     let weight = body.mass * GRAVITY;
     let rotor = simulation.state.rotor.get(lane);
     let motor = plant.unit.motor_signals(lane);
-    let [electrical, joule] = plant.unit.electrical_powers(lane, &rotor);
     let (motor_limit, torque_per_ampere) = plant.unit.motor_scale(lane);
     let commanded_current = if motor_limit > 0.0 { plant.command[lane] } else { 0.0 };
     [
@@ -155,8 +170,9 @@ fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS
         // In the sign of joint 5, like the knee torque: extension is positive.
         -commanded_current.clamp(-motor_limit, motor_limit) * torque_per_ampere,
         -motor.gear_torque,
-        motor.torque * rotor.rate,
-        electrical,
-        joule,
+        rotor_power,
+        electrical_power,
+        joule_power,
+        knee_power,
     ]
 }

@@ -99,15 +99,21 @@ impl From<&GearedMotorParams> for GearedMotor {
 }
 
 lanes! {
-    /// Rotor state, motor side.
+    /// Rotor state, motor side, and the energy that has flowed since the start of the trial.
     pub struct Rotor, RotorLanes {
         /// Angle, rad.
         angle: f64,
         /// Speed omega, rad/s.
         rate: f64,
+        /// Work of the motor's torque on the rotor, J.
+        rotor_work: f64,
+        /// Heat in the windings, J.
+        joule_heat: f64,
+        /// Work of the gear on the knee, J.
+        knee_work: f64,
     }
 }
-integrable!(RotorLanes { angle, rate });
+integrable!(RotorLanes { angle, rate, rotor_work, joule_heat, knee_work });
 
 lanes! {
     /// What flows through motor and gear.
@@ -223,7 +229,13 @@ pub fn rotor_rates(
     let (inertia, net, _) = rotor_balance(motor, s, joint, rotor, direction, step);
     let pull = implicit * motor.inverse_ratio * step * flexion_acceleration;
     let acceleration = select(direction == 0.0, 0.0, (net + pull) / inertia);
-    Rotor { angle: rotor.rate + step * acceleration, rate: acceleration }
+    Rotor {
+        angle: rotor.rate + step * acceleration,
+        rate: acceleration,
+        rotor_work: s.torque * rotor.rate,
+        joule_heat: s.current * s.current * motor.resistance,
+        knee_work: s.gear_torque * joint.flexion_rate,
+    }
 }
 
 /// Power (W) of the motor's torque, of the transmission spring, and of friction and transmission damping; their sum is the rate of
@@ -250,7 +262,7 @@ mod tests {
     fn at(stretch: f64, rate: f64, current: f64) -> (GearedMotor, MotorSignals) {
         let motor = motor();
         let joint = JointMotion { flexion: 0.0, flexion_rate: rate * motor.inverse_ratio };
-        let rotor = Rotor { angle: stretch / motor.inverse_ratio, rate };
+        let rotor = Rotor { angle: stretch / motor.inverse_ratio, rate, ..Rotor::default() };
         (motor, signals(&motor, &joint, &rotor, current))
     }
 
@@ -289,7 +301,7 @@ mod tests {
     fn powers_balance_the_rotor_and_the_knee() {
         let motor = motor();
         let joint = JointMotion { flexion: 0.3, flexion_rate: -1.7 };
-        let rotor = Rotor { angle: 31.0, rate: -120.0 };
+        let rotor = Rotor { angle: 31.0, rate: -120.0, ..Rotor::default() };
         let s = signals(&motor, &joint, &rotor, 1.5);
         let rates = rotor_rates(&motor, &s, &joint, &rotor, -1.0, 0.0, 0.0);
         let stored = motor.inertia * rotor.rate * rates.rate;
@@ -303,7 +315,7 @@ mod tests {
         // The knee's torque after the step must be that of the transmission at the end of the step.
         let (motor, step, knee_gain) = (motor(), 1e-3, 0.4);
         let joint = JointMotion { flexion: 0.3, flexion_rate: -1.7 };
-        let rotor = Rotor { angle: 30.9, rate: -150.0 };
+        let rotor = Rotor { angle: 30.9, rate: -150.0, ..Rotor::default() };
         let s = signals(&motor, &joint, &rotor, 1.5);
         let unit = motor_torque(&motor, &s, &joint, &rotor, -1.0, step);
         let end_rate = rotor.rate + step * rotor_rates(&motor, &s, &joint, &rotor, -1.0, knee_gain / step, step).rate;

@@ -108,7 +108,7 @@ impl<const L: usize> KneeUnit<L> {
             Self::Damper(_) => Rotor::default(),
             Self::Motor(unit) => {
                 unit.direction[lane] = 0.0;
-                Rotor { angle: flexion / unit.constants.inverse_ratio[lane], rate: 0.0 }
+                Rotor { angle: flexion / unit.constants.inverse_ratio[lane], ..Rotor::default() }
             }
         }
     }
