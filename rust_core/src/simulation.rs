@@ -81,6 +81,11 @@ impl<const L: usize> Simulation<L> {
         }
     }
 
+    /// The episode that runs in `lane`.
+    pub fn episode(&self, lane: usize) -> Option<&Episode> {
+        self.episode[lane].as_ref()
+    }
+
     /// One control period with the given commands (damping coefficients, N m s^2/rad^2).
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; L]) {
