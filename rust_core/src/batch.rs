@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::params::within;
 use crate::recorder::Recorder;
 use crate::reward::TERMS;
+use crate::scenario::Episode;
 
 /// Walkers per wide block: one AVX-512 register of `f64`.
 pub const LANES: usize = 8;
@@ -24,6 +25,7 @@ trait Block: Send + Sync + std::fmt::Debug {
     fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>);
     fn observations(&self) -> &[f32];
     fn ended(&self, lane: usize) -> bool;
+    fn episode(&self, lane: usize) -> Option<&Episode>;
     fn record(&mut self, lane: usize);
     fn recording(&self) -> Option<&Recorder>;
 }
@@ -43,6 +45,9 @@ macro_rules! block {
             }
             fn ended(&self, lane: usize) -> bool {
                 self.ended(lane)
+            }
+            fn episode(&self, lane: usize) -> Option<&Episode> {
+                self.episode(lane)
             }
             fn record(&mut self, lane: usize) {
                 self.record(lane);
@@ -154,6 +159,11 @@ impl Batch {
             });
         }
         Ok(())
+    }
+
+    /// The episode that runs in each environment.
+    pub fn episodes(&self) -> impl Iterator<Item = &Episode> {
+        (0..self.num_envs).filter_map(|index| self.blocks[index / self.width].episode(index % self.width))
     }
 
     /// Records environment `index` at 200 Hz from its next reset on.

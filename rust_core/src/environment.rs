@@ -10,6 +10,7 @@ use crate::error::Result;
 use crate::prosthesis_controller::agent::{self, ActionMap, LONGEST_FRAME};
 use crate::recorder::Recorder;
 use crate::reward::{self, Outcome, TERMS};
+use crate::scenario::Episode;
 use crate::signals::GRAVITY;
 use crate::simulation::Simulation;
 use crate::termination::{Posture, Reason};
@@ -128,6 +129,11 @@ impl<const L: usize> Environments<L> {
     /// Whether the episode in `lane` has ended and waits for its reset.
     pub fn ended(&self, lane: usize) -> bool {
         self.envs[lane].ended
+    }
+
+    /// The episode that runs in `lane`.
+    pub fn episode(&self, lane: usize) -> Option<&Episode> {
+        self.simulation.episode(lane)
     }
 
     /// Records `lane` from its next reset on.

@@ -9,9 +9,12 @@ use crate::batch::Batch;
 use crate::config::Config;
 use crate::environment::{Autoreset, StepOutput};
 use crate::error::Error;
+use crate::human_controller::intent::Knot;
 use crate::prosthesis_controller::agent;
 use crate::recorder::COLUMNS;
 use crate::reward::TERMS;
+use crate::scenario::Episode;
+use crate::signals::CONTROL_PERIOD_S;
 use crate::termination::REASONS;
 
 impl From<Error> for PyErr {
@@ -123,6 +126,21 @@ impl PyBatch {
             py.detach(|| batch.step(actions, output))?;
         }
         Ok((observations, rewards, terminated, truncated, terms, reasons, finals, started))
+    }
+
+    /// What was drawn for the episode that runs in each environment: one array per quantity.
+    fn episodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let episodes: Vec<_> = self.batch.episodes().collect();
+        let speed = |knot: Option<&Knot>| knot.map_or(f64::NAN, |knot| knot.speed_m_s);
+        let column = |value: &dyn Fn(&Episode) -> f64| PyArray1::from_iter(py, episodes.iter().map(|e| value(e)));
+        let columns = PyDict::new(py);
+        let starts = episodes.iter().map(|episode| episode.start as u8);
+        columns.set_item("start", PyArray1::from_iter(py, starts))?;
+        columns.set_item("first_speed_m_s", column(&|e| speed(e.profile.knots.first())))?;
+        columns.set_item("last_speed_m_s", column(&|e| speed(e.profile.knots.last())))?;
+        columns.set_item("push_n", column(&|e| e.push.force_x_n))?;
+        columns.set_item("push_s", column(&|e| e.push.first_sample as f64 * CONTROL_PERIOD_S))?;
+        Ok(columns)
     }
 
     fn record(&mut self, index: usize) -> PyResult<()> {

@@ -82,6 +82,11 @@ impl<const L: usize> Simulation<L> {
         }
     }
 
+    /// The episode that runs in `lane`.
+    pub fn episode(&self, lane: usize) -> Option<&Episode> {
+        self.episode[lane].as_ref()
+    }
+
     /// One control period with the given commands to the knee units.
     #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; L]) {

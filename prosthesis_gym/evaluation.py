@@ -1,0 +1,192 @@
+"""How often does a controller let its walker fall? Fixed held-out episodes, with the uncertainty of the answer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+from prosthesis_gym import _core
+from prosthesis_gym.config import merge
+from prosthesis_gym.policy import Policy
+from prosthesis_gym.vector_env import CONTROL_PERIOD_S
+
+#: Seeds from here on are for evaluation: training must stay below.
+HELD_OUT_SEED = 1_000_000_000
+#: Seeds that a training run picks its best policy by; picking by the held-out ones would flatter the choice.
+VALIDATION_SEED = 2_000_000_000
+
+# A walking shank never rotates this slowly for more than a quarter of a second.
+_STILL_RAD_S = 0.2
+_STILL_S = 1.0
+_SHANK_RATE = [channel[0] for channel in _core.CHANNELS].index("shank_rate_rad_s")
+_Z95 = 1.959963984540054
+_PUSHES = ("weakest third of pushes", "middle third of pushes", "strongest third of pushes")
+_STARTS = ("from standing", "from a cyclic step")
+
+
+def wilson_interval(count: int, total: int, z: float = _Z95) -> tuple[float, float]:
+    """Return Wilson's score interval of the rate `count` in `total`, at 95 % or another normal quantile `z`."""
+    if not 0 <= count <= total or total == 0:
+        raise ValueError(f"count = {count} is outside its allowed range [0, total = {total}], or total is 0")
+    rate, scale = count / total, 1.0 + z * z / total
+    centre = (rate + z * z / (2 * total)) / scale
+    half = z / scale * math.sqrt(rate * (1 - rate) / total + z * z / (4 * total * total))
+    # The bounds at 0 and 1 are exact, but their sums are not.
+    return (0.0 if count == 0 else centre - half, 1.0 if count == total else centre + half)
+
+
+@dataclass(frozen=True)
+class EvaluationResult:
+    """What came of a batch of episodes, one walker each."""
+
+    #: Falls by reason; not only a low hip, but whatever ends an episode early counts as a fall.
+    reasons: dict[str, int]
+    #: Episodes that ended upright but standing still although the walker meant to walk: neither a fall nor a success.
+    stalls: int
+    episodes: int
+    #: Mean sum of rewards per episode.
+    mean_return: float
+    #: Mean of each reward term's sum per episode, before its weight.
+    mean_terms: dict[str, float]
+    #: Mean time until fall or end, s.
+    mean_duration_s: float
+    #: (falls, episodes) of parts of the episodes: terciles of push size, and start postures.
+    parts: dict[str, tuple[int, int]]
+
+    @property
+    def falls(self) -> int:
+        """Episodes that ended early."""
+        return sum(self.reasons.values())
+
+    @property
+    def fall_rate(self) -> float:
+        """Share of episodes that ended early."""
+        return self.falls / self.episodes
+
+    @property
+    def failure_rate(self) -> float:
+        """Share of episodes that ended early or in a standstill."""
+        return (self.falls + self.stalls) / self.episodes
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval of the fall rate."""
+        return wilson_interval(self.falls, self.episodes)
+
+    @property
+    def hip_power_w_kg(self) -> float:
+        """Positive power of the residual hip while walking, W/kg: what the leg costs its user."""
+        return self.mean_terms["energy"] / self.mean_duration_s
+
+
+def evaluate(
+    controller: Policy | None,
+    config: Mapping[str, Any],
+    *,
+    episodes: int = 512,
+    seed: int = HELD_OUT_SEED,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> EvaluationResult:
+    """Run `episodes` episodes with the seeds `seed`, `seed + 1`, ... in one batch.
+
+    A policy brings its own `action` and `observation` sections. Without one, the state machine drives the knee, or a
+    constant damping if `action.mode` is "constant". `progress` is called with the env steps done and the most there
+    can be.
+    """
+    if not 1 <= episodes <= 1_000_000:
+        raise ValueError(f"episodes = {episodes} is outside its allowed range [1, 1000000]")
+    if not 0 <= seed < 2**63:
+        raise ValueError(f"seed = {seed} is outside its allowed range [0, 2^63)")
+    if controller is not None:
+        config = merge(config, controller.config)
+    elif _core.resolve(config)["action"]["mode"] != "constant":
+        config = merge(config, {"action": {"mode": "state_machine"}})
+    # "next_step" because the batch goes on when some have ended; of each walker the first episode alone counts.
+    batch = _core.Batch(episodes, config, "next_step", threads)
+    observations = batch.reset(np.arange(seed, seed + episodes, dtype=np.uint64))
+    drawn = batch.episodes()
+    resolved = _core.resolve(config)
+    step_s = resolved["action"]["hold"] * CONTROL_PERIOD_S
+    most = math.ceil(resolved["scenario"]["duration_s"] / step_s)
+
+    running = np.ones(episodes, dtype=bool)
+    reasons = np.zeros(episodes, dtype=np.uint8)
+    returns, steps = np.zeros(episodes), np.zeros(episodes, dtype=np.int64)
+    sums = np.zeros((episodes, len(_core.TERMS)))
+    still = np.zeros(episodes, dtype=np.int64)
+    actions = np.zeros(episodes)
+    while running.any():
+        if controller is not None:
+            actions = controller.act(observations)
+        observations, rewards, terminated, truncated, terms, reason, _, _ = batch.step(actions)
+        returns[running] += rewards[running]
+        sums[running] += terms[running]
+        steps += running
+        slow = np.abs(observations[:, _SHANK_RATE]) < _STILL_RAD_S
+        still[running] = np.where(slow, still + 1, 0)[running]
+        reasons[running] = reason[running]
+        running &= ~(terminated | truncated)
+        if progress is not None:
+            progress(int(steps.max()), most)
+
+    names = np.array(_core.REASONS)[reasons]
+    fell = names != "time_limit"
+    profile = resolved["scenario"]["profile"]
+    walks_on = not profile or profile[-1]["walk"]
+    return EvaluationResult(
+        reasons={name: int((names == name).sum()) for name in _core.REASONS if name not in ("none", "time_limit")},
+        stalls=int((~fell & (still * step_s > _STILL_S)).sum()) if walks_on else 0,
+        episodes=episodes,
+        mean_return=float(returns.mean()),
+        mean_terms=dict(zip(_core.TERMS, sums.mean(axis=0).tolist(), strict=True)),
+        mean_duration_s=float(steps.mean() * step_s),
+        parts=_parts(fell, np.abs(drawn["push_n"]), drawn["start"]),
+    )
+
+
+def _parts(
+    fell: NDArray[np.bool_], push_n: NDArray[np.float64], start: NDArray[np.uint8]
+) -> dict[str, tuple[int, int]]:
+    """Count (falls, episodes) by tercile of push size and by start; a part without episodes is left out."""
+    thirds = np.digitize(push_n, np.quantile(push_n, [1 / 3, 2 / 3]))
+    members = {name: thirds == index for index, name in enumerate(_PUSHES)}
+    members |= {name: start == index for index, name in enumerate(_STARTS)}
+    return {name: (int(fell[member].sum()), int(member.sum())) for name, member in members.items() if member.any()}
+
+
+def comparison_table(results: Mapping[str, EvaluationResult]) -> Table:
+    """Lay the results out side by side, one column per controller."""
+    table = Table(title="Held-out episodes")
+    table.add_column("")
+    for name in results:
+        table.add_column(name, justify="right")
+
+    def row(label: str, cell: Callable[[EvaluationResult], str]) -> None:
+        table.add_row(label, *(cell(result) for result in results.values()))
+
+    def rate(part: tuple[int, int] | None) -> str:
+        return "-" if part is None else f"{part[0] / part[1]:.1%} of {part[1]}"
+
+    row("episodes", lambda result: str(result.episodes))
+    row("falls", lambda result: str(result.falls))
+    row("fall rate", lambda result: f"{result.fall_rate:.1%}")
+    row("95 % interval", lambda result: "{:.1%} to {:.1%}".format(*result.interval))
+    for name in dict.fromkeys(part for result in results.values() for part in result.parts):
+        row(f"  {name}", lambda result, name=name: rate(result.parts.get(name)))  # type: ignore[misc] # mypy loses the default
+    row("standstills", lambda result: str(result.stalls))
+    for reason in dict.fromkeys(reason for result in results.values() for reason in result.reasons):
+        row(f"  by {reason}", lambda result, reason=reason: str(result.reasons.get(reason, 0)))  # type: ignore[misc] # same
+    table.add_section()
+    row("mean return", lambda result: f"{result.mean_return:.3f}")
+    row("mean duration (s)", lambda result: f"{result.mean_duration_s:.2f}")
+    row("hip power (W/kg)", lambda result: f"{result.hip_power_w_kg:.3f}")
+    for term in dict.fromkeys(term for result in results.values() for term in result.mean_terms):
+        row(f"  term {term}", lambda result, term=term: f"{result.mean_terms[term]:.4f}")  # type: ignore[misc] # same
+    return table

@@ -1,0 +1,176 @@
+"""A deterministic policy that needs NumPy alone, and the file pair it is exchanged as.
+
+`policy.safetensors` holds the weights, `policy.json` everything else: what the layers are, how observations are
+normalised, and the `action` and `observation` sections the policy was trained with. Neither can carry code, unlike a
+pickle.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import safetensors.numpy
+from numpy.typing import ArrayLike, NDArray
+from safetensors import SafetensorError
+
+from prosthesis_gym.files import atomic_write
+
+FORMAT = 1
+ENV_ID = "prosthesis_gym/DamperKnee-v0"
+WEIGHTS_FILE = "policy.safetensors"
+DESCRIPTION_FILE = "policy.json"
+
+
+@dataclass(frozen=True)
+class Normalisation:
+    """Scaling of observations: (observation - mean) / sqrt(variance + epsilon), limited to +-clip."""
+
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    clip: float = 10.0
+    epsilon: float = 1e-8
+
+    def __post_init__(self) -> None:
+        if self.mean.ndim != 1 or self.mean.shape != self.variance.shape:
+            shapes = f"{self.mean.shape} and {self.variance.shape}"
+            raise ValueError(f"observation.mean and observation.var must be lists of one length, got {shapes}")
+        if not (np.isfinite(self.mean).all() and np.isfinite(self.variance).all() and (self.variance >= 0).all()):
+            raise ValueError("observation.mean must be finite and observation.var finite and at least 0")
+        for name in ("clip", "epsilon"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ValueError(f"observation.{name} = {getattr(self, name)} must be above 0 and finite")
+
+    def __call__(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return normalised observations."""
+        scaled = (observations - self.mean) / np.sqrt(self.variance + self.epsilon)
+        return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """A multi-layer perceptron with tanh between its layers, on normalised observations.
+
+    `layers` holds (weights (inputs, outputs), biases (outputs,)) from first to last; `config` the sections `action` and
+    `observation` of the environment that the policy was trained in.
+    """
+
+    layers: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]
+    normalisation: Normalisation
+    config: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.layers:
+            raise ValueError("a policy needs at least one layer")
+        # One memory layout: products of transposed views differ in the last bit.
+        layers = [
+            (np.ascontiguousarray(weights, dtype=np.float32), np.ascontiguousarray(biases, dtype=np.float32))
+            for weights, biases in self.layers
+        ]
+        object.__setattr__(self, "layers", layers)
+        for index, (weights, biases) in enumerate(self.layers):
+            if weights.ndim != 2 or biases.shape != weights.shape[1:]:
+                raise ValueError(f"layer {index}: weights {weights.shape} and biases {biases.shape} do not fit")
+            if not (np.isfinite(weights).all() and np.isfinite(biases).all()):
+                raise ValueError(f"layer {index}: weights and biases must be finite")
+        sizes = [self.normalisation.mean.size, *(weights.shape[0] for weights, _ in self.layers[1:]), 1]
+        if self.layer_sizes != sizes:
+            raise ValueError(
+                f"layers of sizes {self.layer_sizes} must chain from the observation to one action: {sizes}"
+            )
+
+    @property
+    def layer_sizes(self) -> list[int]:
+        """Number of inputs of the first layer, then of outputs of each."""
+        return [self.layers[0][0].shape[0], *(weights.shape[1] for weights, _ in self.layers)]
+
+    def act(self, observations: ArrayLike) -> NDArray[np.float64]:
+        """Return actions (N,) in [-1, 1] for observations (N, D), each the same whatever batch it comes in."""
+        rows = np.asarray(observations, dtype=np.float32)
+        if rows.ndim != 2 or rows.shape[1] != self.layer_sizes[0]:
+            raise ValueError(f"observations must have the shape (N, {self.layer_sizes[0]}), got {rows.shape}")
+        # One product per row: in a product of all rows, BLAS sums in an order that depends on how many they are and
+        # where a row stands among them, and a walker's fate may hang on the last bit.
+        values = self.normalisation(rows)[:, None, :]
+        for index, (weights, biases) in enumerate(self.layers):
+            values = values @ weights + biases
+            if index < len(self.layers) - 1:
+                values = np.tanh(values)
+        return np.clip(values[:, 0, 0], -1.0, 1.0).astype(np.float64)
+
+    def save(self, folder: str | Path) -> None:
+        """Write the file pair into `folder`, each file at once or not at all."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        tensors = {}
+        for index, (weights, biases) in enumerate(self.layers):
+            tensors[f"layer{index}.weights"], tensors[f"layer{index}.biases"] = weights, biases
+        data = safetensors.numpy.save(tensors)
+        description = {
+            "format": FORMAT,
+            "env_id": ENV_ID,
+            "package_version": version("prosthesis_gym"),
+            "layer_sizes": self.layer_sizes,
+            "activation": "tanh",
+            "observation": {
+                "mean": self.normalisation.mean.tolist(),
+                "var": self.normalisation.variance.tolist(),
+                "clip": self.normalisation.clip,
+                "epsilon": self.normalisation.epsilon,
+            },
+            "config": dict(self.config),
+            "weights_sha256": hashlib.sha256(data).hexdigest(),
+        }
+        with atomic_write(folder / WEIGHTS_FILE) as path:
+            path.write_bytes(data)
+        with atomic_write(folder / DESCRIPTION_FILE) as path:
+            path.write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Policy:
+        """Read the file pair from `folder`; a missing, damaged or foreign file is a ValueError."""
+        folder = Path(folder)
+        try:
+            description = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
+            data = (folder / WEIGHTS_FILE).read_bytes()
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise ValueError(f"no policy in {folder}: {error}") from error
+        try:
+            return cls._decode(description, data)
+        except (ValueError, TypeError, KeyError, SafetensorError) as error:
+            reason = f"missing key {error}" if isinstance(error, KeyError) else error
+            raise ValueError(f"policy in {folder} cannot be used: {reason}") from error
+
+    @classmethod
+    def _decode(cls, description: dict[str, Any], data: bytes) -> Policy:
+        for key, expected in {"format": FORMAT, "env_id": ENV_ID, "activation": "tanh"}.items():
+            if description[key] != expected:
+                raise ValueError(f"{key} = {description[key]!r}, expected {expected!r}")
+        if description["weights_sha256"] != hashlib.sha256(data).hexdigest():
+            raise ValueError(f"{WEIGHTS_FILE} is not the one that {DESCRIPTION_FILE} describes")
+        tensors = safetensors.numpy.load(data)
+        layers = [
+            (tensors[f"layer{index}.weights"], tensors[f"layer{index}.biases"])
+            for index, _ in enumerate(pairwise(description["layer_sizes"]))
+        ]
+        scaling = description["observation"]
+        normalisation = Normalisation(
+            np.asarray(scaling["mean"], dtype=np.float64),
+            np.asarray(scaling["var"], dtype=np.float64),
+            float(scaling["clip"]),
+            float(scaling["epsilon"]),
+        )
+        config = description["config"]
+        if not {"action", "observation"} <= set(config):
+            raise ValueError("config needs the sections action and observation")
+        policy = cls(layers, normalisation, config)
+        if policy.layer_sizes != description["layer_sizes"]:
+            raise ValueError(f"layer_sizes = {description['layer_sizes']}, but the weights have {policy.layer_sizes}")
+        return policy

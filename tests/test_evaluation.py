@@ -1,0 +1,131 @@
+"""Evaluation counts each walker once, whatever the batch looks like, and knows how sure it is."""
+
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from prosthesis_gym import DamperKneeEnv
+from prosthesis_gym.evaluation import HELD_OUT_SEED, VALIDATION_SEED, comparison_table, evaluate, wilson_interval
+from prosthesis_gym.policy import Normalisation, Policy
+
+SHORT = {
+    "scenario": {"duration_s": 5.0, "push_s": [1.0, 3.0], "push_n": [0.0, 600.0]},
+    "action": {"mode": "residual", "hold": 4},
+}
+
+
+def make_policy(gain: float = 0.3) -> Policy:
+    weights = np.full((8, 1), gain, dtype=np.float32)
+    config = {"action": {"mode": "residual", "hold": 4}, "observation": {"frames": 1}}
+    return Policy([(weights, np.zeros(1, np.float32))], Normalisation(np.zeros(8), np.ones(8)), config)
+
+
+@pytest.mark.parametrize(
+    ("count", "total", "low", "high"),
+    [  # Newcombe (1998), table I, and the limits where the rate is 0 or 1
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+        (20, 20, 0.8389, 1.0),
+    ],
+)
+def test_wilson_interval_has_published_values(count: int, total: int, low: float, high: float) -> None:
+    assert wilson_interval(count, total) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_wilson_interval_refuses_impossible_counts() -> None:
+    for count, total in ((-1, 3), (4, 3), (0, 0)):
+        with pytest.raises(ValueError, match="count"):
+            wilson_interval(count, total)
+
+
+@pytest.mark.parametrize("controller", [None, make_policy()])
+def test_same_seeds_give_the_same_result_whatever_the_threads(controller: Policy | None) -> None:
+    results = [evaluate(controller, SHORT, episodes=100, threads=threads) for threads in (1, 1, 2)]
+    assert results[0] == results[1] == results[2]
+    assert evaluate(controller, SHORT, episodes=100, seed=VALIDATION_SEED) != results[0]
+
+
+def test_a_batch_is_the_sum_of_its_parts() -> None:
+    """Each episode depends on its seed alone, so halves add up to the whole."""
+    policy = make_policy()
+    whole = evaluate(policy, SHORT, episodes=120)
+    halves = [evaluate(policy, SHORT, episodes=60, seed=HELD_OUT_SEED + first) for first in (0, 60)]
+    assert 0 < whole.falls < 120
+    assert whole.falls == sum(half.falls for half in halves)
+    assert whole.mean_return == pytest.approx(sum(half.mean_return for half in halves) / 2, abs=1e-12)
+    for part in ("from standing", "from a cyclic step"):
+        assert whole.parts[part] == tuple(map(sum, zip(*(half.parts[part] for half in halves), strict=True)))
+
+
+def test_evaluation_is_the_single_environment_played_seed_by_seed() -> None:
+    policy = make_policy()
+    result = evaluate(policy, SHORT, episodes=12)
+    env = DamperKneeEnv(SHORT)
+    returns, falls, energy = [], 0, 0.0
+    for episode in range(12):
+        observation, _ = env.reset(seed=HELD_OUT_SEED + episode)
+        total, done = 0.0, False
+        while not done:
+            observation, reward, terminated, truncated, info = env.step(policy.act(observation[None]))
+            total += reward
+            energy += info["reward_terms"]["energy"]
+            done = terminated or truncated
+        falls += terminated
+        returns.append(total)
+    assert result.falls == falls
+    assert result.mean_return == pytest.approx(np.mean(returns), abs=1e-12)
+    assert result.mean_terms["energy"] == pytest.approx(energy / 12, abs=1e-12)
+
+
+def test_parts_cover_all_episodes_and_falls() -> None:
+    result = evaluate(None, SHORT, episodes=300)
+    thirds = [part for name, part in result.parts.items() if "third" in name]
+    starts = [part for name, part in result.parts.items() if name.startswith("from")]
+    assert [episodes for _, episodes in thirds] == [100, 100, 100]
+    for parts in (thirds, starts):
+        assert sum(falls for falls, _ in parts) == result.falls
+        assert sum(episodes for _, episodes in parts) == 300
+    assert thirds[0][0] < thirds[2][0]
+    assert result.interval[0] < result.fall_rate < result.interval[1]
+
+
+def test_constant_damping_is_evaluated_as_such() -> None:
+    constant = {**SHORT, "action": {"mode": "constant", "constant_nms2_rad2": 0.0}}
+    assert evaluate(None, constant, episodes=64) != evaluate(None, SHORT, episodes=64)
+
+
+def test_progress_is_reported_up_to_the_end() -> None:
+    seen: list[tuple[int, int]] = []
+    config = {"scenario": {"duration_s": 1.0, "push_n": 0.0}, "action": {"hold": 4}}
+    evaluate(None, config, episodes=5, progress=lambda done, most: seen.append((done, most)))
+    assert seen == [(step + 1, 50) for step in range(50)]
+
+
+def test_impossible_arguments_are_named() -> None:
+    with pytest.raises(ValueError, match="episodes = 0"):
+        evaluate(None, {}, episodes=0)
+    with pytest.raises(ValueError, match="seed = -1"):
+        evaluate(None, {}, seed=-1)
+    with pytest.raises(ValueError, match="speed"):
+        evaluate(None, {"scenario": {"speed": 1.0}})
+
+
+def test_comparison_table_shows_every_controller_and_part() -> None:
+    results = {"reference": evaluate(None, SHORT, episodes=60), "policy": evaluate(make_policy(), SHORT, episodes=60)}
+    text = StringIO()
+    Console(file=text, width=120).print(comparison_table(results))
+    for wanted in (
+        "reference",
+        "policy",
+        "95 % interval",
+        "strongest third of pushes",
+        "from standing",
+        "hip power",
+        "energy",
+    ):
+        assert wanted in text.getvalue()
+    assert f"{results['policy'].fall_rate:.1%}" in text.getvalue()

@@ -1,0 +1,172 @@
+"""The adapter keeps the contract of Stable-Baselines3: compared with SB3's own vector environment, walker by walker."""
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from stable_baselines3 import PPO
+from stable_baselines3.common.env_checker import check_env
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
+
+from prosthesis_gym import DamperKneeEnv, _core
+from prosthesis_gym.sb3 import DamperKneeVecEnv
+
+# Undamped walkers with pushes: of some dozen, some fall within 3 s and the others run into the time limit.
+CONFIG: dict[str, Any] = {
+    "scenario": {"duration_s": 3.0, "push_n": 500.0, "push_s": [0.5, 2.0]},
+    "action": {"hold": 4},
+    "observation": {"frames": 2},
+}
+
+
+Played = list[tuple[NDArray[Any], NDArray[Any], NDArray[Any], list[dict[str, Any]]]]
+
+
+def play(env: VecEnv, steps: int, walkers: int) -> Played:
+    rng = np.random.default_rng(0)
+    played: Played = []
+    for _ in range(steps):
+        actions = rng.uniform(-1.0, -0.5, size=(walkers, 1)).astype(np.float32)
+        observations, rewards, dones, infos = env.step(actions)
+        assert isinstance(observations, np.ndarray)
+        played.append((observations, rewards, dones, [dict(info) for info in infos]))
+    return played
+
+
+def test_the_single_environment_passes_the_checker_of_sb3() -> None:
+    check_env(DamperKneeEnv(CONFIG), skip_render_check=True)
+
+
+def test_every_step_equals_that_of_monitored_single_environments() -> None:
+    walkers, steps = 12, 400
+    ours = DamperKneeVecEnv(walkers, CONFIG)
+    theirs = DummyVecEnv([lambda: Monitor(DamperKneeEnv(CONFIG)) for _ in range(walkers)])
+    for env in (ours, theirs):
+        env.seed(7)
+    assert (ours.reset() == theirs.reset()).all()
+    reasons = set()
+    for mine, reference in zip(play(ours, steps, walkers), play(theirs, steps, walkers), strict=True):
+        for ours_array, theirs_array in zip(mine[:3], reference[:3], strict=True):
+            assert isinstance(theirs_array, np.ndarray)
+            assert ours_array.dtype == theirs_array.dtype
+            assert (ours_array == theirs_array).all()
+        for done, info, expected in zip(mine[2], mine[3], reference[3], strict=True):
+            assert info["TimeLimit.truncated"] == expected["TimeLimit.truncated"]
+            assert ("terminal_observation" in info) == ("episode" in info) == done
+            if done:
+                assert (info["terminal_observation"] == expected["terminal_observation"]).all()
+                assert info["episode"]["r"] == pytest.approx(expected["episode"]["r"], abs=2e-6)
+                assert info["episode"]["l"] == expected["episode"]["l"]
+                assert info["termination_reason"] == expected["termination_reason"]
+                reasons.add(info["termination_reason"])
+    assert {"hip_height", "time_limit"} <= reasons
+
+
+def test_episode_terms_add_up_to_the_return() -> None:
+    env = DamperKneeVecEnv(16, CONFIG)
+    env.seed(3)
+    env.reset()
+    weights = env.get_attr("config", 0)[0]["reward"]
+    ended = [info for *_, infos in play(env, 160, 16) for info in infos if "episode" in info]
+    assert len(ended) >= 16
+    for info in ended:
+        assert set(info["episode_terms"]) == set(_core.TERMS)
+        weighted = sum(weights[name] * value for name, value in info["episode_terms"].items())
+        assert weighted == pytest.approx(info["episode"]["r"], abs=2e-6)
+
+
+def test_observations_are_fresh_and_infos_of_ended_episodes_too() -> None:
+    env = DamperKneeVecEnv(8, CONFIG)
+    env.seed(0)
+    kept: list[Any] = [env.reset()]
+    kept += [env.step(np.zeros((8, 1), np.float32))[0] for _ in range(3)]
+    assert not any(np.shares_memory(a, b) for index, a in enumerate(kept) for b in kept[:index])
+    finals = []
+    for _ in range(300):
+        _, _, dones, infos = env.step(np.full((8, 1), -1.0, np.float32))
+        finals += [infos[index] for index in np.flatnonzero(dones)]
+        for index in np.flatnonzero(~dones):
+            assert infos[index] == {"TimeLimit.truncated": False}
+    assert len({id(info) for info in finals}) == len(finals) > 8
+    assert len({info["terminal_observation"].tobytes() for info in finals}) == len(finals)
+
+
+def test_seeds_fix_the_episodes_and_are_used_once() -> None:
+    env = DamperKneeVecEnv(6, CONFIG)
+    assert env.seed(11) == [11, 12, 13, 14, 15, 16]
+    first = play_returns(env)
+    again = play_returns(env)
+    env.seed(11)
+    assert first == play_returns(env) != again
+
+
+def play_returns(env: DamperKneeVecEnv) -> list[float]:
+    env.reset()
+    return [float(rewards.sum()) for _, rewards, _, _ in play(env, 200, env.num_envs)]
+
+
+def test_attributes_and_methods_reach_the_batch() -> None:
+    env = DamperKneeVecEnv(4, CONFIG)
+    assert env.get_attr("num_envs") == [4] * 4
+    assert env.get_attr("render_mode", [0, 2]) == [None, None]
+    assert not env.has_attr("nothing_of_that_name")
+    env.set_attr("note", "kept")
+    assert env.get_attr("note", -1) == ["kept"]
+    with pytest.raises(ValueError, match="share the attribute 'note'"):
+        env.set_attr("note", "lost", indices=[0])
+    with pytest.raises(ValueError, match="index = 4"):
+        env.get_attr("note", 4)
+    assert len(env.env_method("reset", seed=3, indices=[1, 3])) == 2
+    assert env.env_is_wrapped(Monitor) == [True] * 4
+    assert env.env_is_wrapped(type("Other", (Monitor.__mro__[1],), {})) == [False] * 4
+    assert list(env.get_images()) == [None] * 4
+    env.close()
+
+
+@pytest.mark.parametrize("actions", [np.full((3, 1), np.nan), np.zeros((2, 1)), np.zeros((3, 2))])
+def test_impossible_actions_are_refused(actions: NDArray[np.float64]) -> None:
+    env = DamperKneeVecEnv(3, CONFIG)
+    env.reset()
+    with pytest.raises(ValueError, match=r"action|reshape"):
+        env.step(actions)
+
+
+def test_staggered_walkers_end_their_episodes_one_after_the_other() -> None:
+    config = {**CONFIG, "scenario": {"duration_s": 2.0, "push_n": 0.0, "start": "cyclic", "speed_m_s": 1.1}}
+    env = DamperKneeVecEnv(50, config, staggered=True)
+    env.seed(0)
+    env.reset()
+    ends = [int(dones.sum()) for _, _, dones, _ in play(env, 100, 50)]
+    assert sum(ends) >= 50
+    assert max(ends) <= 3
+    lengths = [info["episode"]["l"] for *_, infos in play(env, 100, 50) for info in infos if "episode" in info]
+    assert max(lengths) == 100
+
+
+def test_sb3_learns_on_it_and_evaluates_it_without_a_monitor() -> None:
+    torch.set_num_threads(1)
+    env = VecNormalize(DamperKneeVecEnv(8, CONFIG))
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, device="cpu", seed=0)
+    model.learn(1024)
+    assert model.num_timesteps == 1024
+    assert model.ep_info_buffer
+    plain = DamperKneeVecEnv(8, CONFIG)
+    untrained = PPO("MlpPolicy", plain, n_steps=64, batch_size=64, device="cpu", seed=0)
+    returns, lengths = evaluate_policy(untrained, plain, n_eval_episodes=8, return_episode_rewards=True)
+    assert isinstance(returns, list)
+    assert isinstance(lengths, list)
+    assert len(returns) == len(lengths) == 8
+    assert max(lengths) <= 150
+
+
+def test_core_time_is_part_of_wall_time() -> None:
+    env = DamperKneeVecEnv(64, CONFIG)
+    env.reset()
+    began = time.perf_counter()
+    play(env, 50, 64)
+    assert 0.0 < env.core_seconds < time.perf_counter() - began

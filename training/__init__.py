@@ -1,0 +1,1 @@
+"""Training of knee policies with PPO from Stable-Baselines3."""

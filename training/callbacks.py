@@ -1,0 +1,183 @@
+"""What happens beside learning: progress on the screen and in TensorBoard, evaluation, checkpoints, a clean stop."""
+
+from __future__ import annotations
+
+import csv
+import signal
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any
+
+import numpy as np
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from stable_baselines3.common.callbacks import BaseCallback
+
+from prosthesis_gym.evaluation import EvaluationResult
+from prosthesis_gym.files import atomic_write
+from prosthesis_gym.sb3 import DamperKneeVecEnv
+
+#: Episodes that the fall rate on the screen is taken over.
+_RECENT_EPISODES = 1000
+
+
+class StopSignals:
+    """Turns the first Ctrl-C or SIGTERM into a request to stop; a second one acts as usual."""
+
+    def __init__(self) -> None:
+        self.received: int | None = None
+        self._previous: dict[int, Any] = {}
+
+    def __enter__(self) -> StopSignals:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._previous[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._restore()
+
+    def _handle(self, number: int, _frame: FrameType | None) -> None:
+        self.received = number
+        self._restore()
+
+    def _restore(self) -> None:
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
+
+
+class StopCallback(BaseCallback):
+    """Ends learning on a signal, or when `deadline` (a time of `time.perf_counter`) has passed."""
+
+    def __init__(self, signals: StopSignals, deadline: float) -> None:
+        super().__init__()
+        self._signals = signals
+        self._deadline = deadline
+
+    def _on_step(self) -> bool:
+        return self._signals.received is None and time.perf_counter() < self._deadline
+
+
+class EveryCallback(BaseCallback):
+    """Calls `action` between two rollouts whenever another `every_steps` env steps are complete."""
+
+    def __init__(self, every_steps: int, action: Callable[[], None]) -> None:
+        super().__init__()
+        self._every = every_steps
+        self._action = action
+        self._passed = 0
+
+    def _on_training_start(self) -> None:
+        self._passed = self.num_timesteps // self._every
+
+    def _on_rollout_start(self) -> None:
+        passed = self.model.num_timesteps // self._every
+        if passed > self._passed:
+            self._passed = passed
+            self._action()
+
+    def _on_step(self) -> bool:
+        return True
+
+
+class ProgressCallback(BaseCallback):
+    """A progress bar, and scalars for TensorBoard: reward terms with their weights, falls, and where the time goes."""
+
+    def __init__(self, env: DamperKneeVecEnv, weights: Mapping[str, float], total_steps: int, *, shown: bool) -> None:
+        super().__init__()
+        self._env = env
+        self._weights = weights
+        self._fell: deque[bool] = deque(maxlen=_RECENT_EPISODES)
+        self._terms: deque[dict[str, float]] = deque(maxlen=_RECENT_EPISODES)
+        self._began = (0.0, 0.0, 0)
+        self._bar = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TextColumn("{task.fields[status]}"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            disable=not shown,
+        )
+        self._task = self._bar.add_task("training", total=total_steps, status="")
+
+    def _on_training_start(self) -> None:
+        self._began = (time.perf_counter(), self._env.core_seconds, self.num_timesteps)
+        self._bar.start()
+
+    def _on_training_end(self) -> None:
+        self._bar.update(self._task, completed=self.num_timesteps)
+        self.close()
+
+    def close(self) -> None:
+        """Take the bar off the screen; learning that failed does not do it by itself."""
+        self._bar.stop()
+
+    def print(self, line: str) -> None:
+        """Write a line above the bar."""
+        self._bar.console.print(line, highlight=False)
+
+    def _on_step(self) -> bool:
+        infos = self.locals["infos"]
+        for index in np.flatnonzero(self.locals["dones"]):
+            self._fell.append(infos[index]["termination_reason"] != "time_limit")
+            self._terms.append(infos[index]["episode_terms"])
+        return True
+
+    def _on_rollout_end(self) -> None:
+        seconds = time.perf_counter() - self._began[0]
+        env_share = (self._env.core_seconds - self._began[1]) / seconds
+        speed = (self.num_timesteps - self._began[2]) / seconds
+        status = f"{speed:,.0f} steps/s, {env_share:.0%} in env"
+        self.logger.record("time/env_share", env_share)
+        if self._fell:
+            fall_rate = float(np.mean(self._fell))
+            status += f", {fall_rate:.0%} fall"
+            self.logger.record("rollout/fall_rate", fall_rate)
+            for name, weight in self._weights.items():
+                mean = float(np.mean([terms[name] for terms in self._terms]))
+                self.logger.record(f"reward/{name}", weight * mean)
+        self._bar.update(self._task, completed=self.num_timesteps, status=status)
+
+
+class EvaluationLog:
+    """The evaluations of a run as a CSV file, and which of them was the best."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._rows: list[dict[str, str]] = []
+        if path.exists():
+            with path.open(newline="", encoding="utf-8") as file:
+                self._rows = list(csv.DictReader(file))
+
+    def is_best(self, result: EvaluationResult) -> bool:
+        """Return whether fewer fall or stall than ever before, or as few with a higher return."""
+        earlier = [(float(row["failure_rate"]), -float(row["mean_return"])) for row in self._rows]
+        return (result.failure_rate, -result.mean_return) < min(earlier, default=(np.inf, np.inf))
+
+    def append(self, steps: int, seconds: float, result: EvaluationResult) -> None:
+        """Add a row; the file is complete at any time."""
+        low, high = result.interval
+        row = {
+            "steps": steps,
+            "seconds": round(seconds, 1),
+            "episodes": result.episodes,
+            "falls": result.falls,
+            "stalls": result.stalls,
+            "failure_rate": result.failure_rate,
+            "fall_rate": result.fall_rate,
+            "fall_rate_low": low,
+            "fall_rate_high": high,
+            "mean_return": result.mean_return,
+            "mean_duration_s": result.mean_duration_s,
+            "hip_power_w_kg": result.hip_power_w_kg,
+            **result.mean_terms,
+        }
+        self._rows.append({key: str(value) for key, value in row.items()})
+        with atomic_write(self._path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(row))
+            writer.writeheader()
+            writer.writerows(self._rows)
