@@ -24,7 +24,6 @@ VALIDATION_SEED = 2_000_000_000
 # A walking shank never rotates this slowly for more than a quarter of a second.
 _STILL_RAD_S = 0.2
 _STILL_S = 1.0
-_SHANK_RATE = [channel[0] for channel in _core.CHANNELS].index("shank_rate_rad_s")
 _Z95 = 1.959963984540054
 _PUSHES = ("weakest third of pushes", "middle third of pushes", "strongest third of pushes")
 _STARTS = ("from standing", "from a cyclic step")
@@ -113,6 +112,7 @@ def evaluate(
     observations = batch.reset(np.arange(seed, seed + episodes, dtype=np.uint64))
     drawn = batch.episodes()
     resolved = _core.resolve(config)
+    shank_rate = [channel[0] for channel in _core.channels(config)].index("shank_rate_rad_s")
     step_s = resolved["action"]["hold"] * CONTROL_PERIOD_S
     most = math.ceil(resolved["scenario"]["duration_s"] / step_s)
 
@@ -129,7 +129,7 @@ def evaluate(
         returns[running] += rewards[running]
         sums[running] += terms[running]
         steps += running
-        slow = np.abs(observations[:, _SHANK_RATE]) < _STILL_RAD_S
+        slow = np.abs(observations[:, shank_rate]) < _STILL_RAD_S
         still[running] = np.where(slow, still + 1, 0)[running]
         reasons[running] = reason[running]
         running &= ~(terminated | truncated)

@@ -110,15 +110,42 @@ def summary(strides: Sequence[Stride]) -> dict[str, dict[str, float]]:
     }
 
 
-def stride_json(trial: Trial) -> str:
-    """Outcome, strides and their summary as JSON; a measure that does not exist is null."""
+def mean_powers(trial: Trial, begin_s: float, end_s: float) -> dict[str, float]:
+    """Mean powers (W) of a motor knee from `begin_s` to `end_s` (section 5.3.1 of the paper).
+
+    Knee: of the gear on the knee. Rotor: of the motor's torque on its rotor, its positive and its negative part too.
+    Electrical: drawn from the supply and what could be returned to it. Joule: lost in the windings.
+    """
+    time = trial["time_s"]
+    if not 0.0 <= begin_s < end_s <= time[-1]:
+        raise ValueError(
+            f"window = [{begin_s:g}, {end_s:g}] s must lie in [0, {time[-1]:g}] s, its start before its end"
+        )
+    # Each row's powers are means over the 5 ms before it.
+    rows = (time > begin_s) & (time <= end_s)
+    rotor, electrical = trial["rotor_power_w"][rows], trial["electrical_power_w"][rows]
+    return {
+        "knee_w": float(trial["gear_power_w"][rows].mean()),
+        "rotor_w": float(rotor.mean()),
+        "rotor_positive_w": float(np.maximum(rotor, 0.0).mean()),
+        "rotor_negative_w": float(np.minimum(rotor, 0.0).mean()),
+        "electrical_drawn_w": float(np.maximum(electrical, 0.0).mean()),
+        "electrical_returned_w": float(-np.minimum(electrical, 0.0).mean()),
+        "joule_w": float(trial["joule_power_w"][rows].mean()),
+    }
+
+
+def stride_json(trial: Trial, powers: dict[str, float] | None = None) -> str:
+    """Outcome, strides, their summary and any mean powers as JSON; a measure that does not exist is null."""
     strides = stride_table(trial)
-    content = {
+    content: dict[str, object] = {
         "outcome": trial.outcome,
         "end_s": trial.end_s,
         "strides": [dataclasses.asdict(stride) for stride in strides],
         "summary": summary(strides),
     }
+    if powers is not None:
+        content["mean_powers"] = powers
     return json.dumps(_without_nan(content), indent=2, allow_nan=False)
 
 

@@ -1,4 +1,4 @@
-"""Stable-Baselines3 on the native batch: `DamperKneeVecEnv`, without a Python loop over the environments that go on."""
+"""Stable-Baselines3 on the native batch: `ProsthesisVecEnv`, without a Python loop over the environments that go on."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from prosthesis_gym import _core
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S, DamperKneeVectorEnv
+from prosthesis_gym.vector_env import CONTROL_PERIOD_S, ProsthesisVectorEnv
 
 
-class DamperKneeVecEnv(VecEnv):
+class ProsthesisVecEnv(VecEnv):
     """Many walkers as one Stable-Baselines3 environment.
 
     Where an episode ends, the info says what a wrapper per environment would: `terminal_observation`,
@@ -40,7 +40,7 @@ class DamperKneeVecEnv(VecEnv):
         threads: int | None = None,
         staggered: bool = False,
     ) -> None:
-        self.envs = DamperKneeVectorEnv(num_envs, config, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads)
+        self.envs = ProsthesisVectorEnv(num_envs, config, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads)
         #: Wall time spent in the native core since the environment was made, s.
         self.core_seconds = 0.0
         self._staggered = staggered

@@ -99,7 +99,7 @@ def test_constant_controller(tmp_path: Path, controller: str, commands: set[floa
 
 
 def test_policy_folder_controls_with_its_own_configuration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    size = len(_core.CHANNELS)
+    size = len(_core.channels({}))
     layer = (np.zeros((size, 1), np.float32), np.full(1, 1.0, np.float32))
     config = {"action": {"mode": "direct", "max_command_nms2_rad2": 12.0}, "observation": {"frames": 1}}
     Policy([layer], Normalisation(np.zeros(size), np.ones(size)), config).save(tmp_path / "policy")

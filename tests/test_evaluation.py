@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from prosthesis_gym import DamperKneeEnv
+from prosthesis_gym import ProsthesisEnv
 from prosthesis_gym.evaluation import HELD_OUT_SEED, VALIDATION_SEED, comparison_table, evaluate, wilson_interval
 from prosthesis_gym.policy import Normalisation, Policy
 
@@ -64,7 +64,7 @@ def test_a_batch_is_the_sum_of_its_parts() -> None:
 def test_evaluation_is_the_single_environment_played_seed_by_seed() -> None:
     policy = make_policy()
     result = evaluate(policy, SHORT, episodes=12)
-    env = DamperKneeEnv(SHORT)
+    env = ProsthesisEnv(SHORT)
     returns, falls, energy = [], 0, 0.0
     for episode in range(12):
         observation, _ = env.reset(seed=HELD_OUT_SEED + episode)

@@ -13,8 +13,8 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
 
-from prosthesis_gym import DamperKneeEnv, _core
-from prosthesis_gym.sb3 import DamperKneeVecEnv
+from prosthesis_gym import ProsthesisEnv, _core
+from prosthesis_gym.sb3 import ProsthesisVecEnv
 
 # Undamped walkers with pushes: of some dozen, some fall within 3 s and the others run into the time limit.
 CONFIG: dict[str, Any] = {
@@ -39,13 +39,13 @@ def play(env: VecEnv, steps: int, walkers: int) -> Played:
 
 
 def test_the_single_environment_passes_the_checker_of_sb3() -> None:
-    check_env(DamperKneeEnv(CONFIG), skip_render_check=True)
+    check_env(ProsthesisEnv(CONFIG), skip_render_check=True)
 
 
 def test_every_step_equals_that_of_monitored_single_environments() -> None:
     walkers, steps = 12, 400
-    ours = DamperKneeVecEnv(walkers, CONFIG)
-    theirs = DummyVecEnv([lambda: Monitor(DamperKneeEnv(CONFIG)) for _ in range(walkers)])
+    ours = ProsthesisVecEnv(walkers, CONFIG)
+    theirs = DummyVecEnv([lambda: Monitor(ProsthesisEnv(CONFIG)) for _ in range(walkers)])
     for env in (ours, theirs):
         env.seed(7)
     assert (ours.reset() == theirs.reset()).all()
@@ -68,7 +68,7 @@ def test_every_step_equals_that_of_monitored_single_environments() -> None:
 
 
 def test_episode_terms_add_up_to_the_return() -> None:
-    env = DamperKneeVecEnv(16, CONFIG)
+    env = ProsthesisVecEnv(16, CONFIG)
     env.seed(3)
     env.reset()
     weights = env.get_attr("config", 0)[0]["reward"]
@@ -81,7 +81,7 @@ def test_episode_terms_add_up_to_the_return() -> None:
 
 
 def test_observations_are_fresh_and_infos_of_ended_episodes_too() -> None:
-    env = DamperKneeVecEnv(8, CONFIG)
+    env = ProsthesisVecEnv(8, CONFIG)
     env.seed(0)
     kept: list[Any] = [env.reset()]
     kept += [env.step(np.zeros((8, 1), np.float32))[0] for _ in range(3)]
@@ -97,7 +97,7 @@ def test_observations_are_fresh_and_infos_of_ended_episodes_too() -> None:
 
 
 def test_seeds_fix_the_episodes_and_are_used_once() -> None:
-    env = DamperKneeVecEnv(6, CONFIG)
+    env = ProsthesisVecEnv(6, CONFIG)
     assert env.seed(11) == [11, 12, 13, 14, 15, 16]
     first = play_returns(env)
     again = play_returns(env)
@@ -105,13 +105,13 @@ def test_seeds_fix_the_episodes_and_are_used_once() -> None:
     assert first == play_returns(env) != again
 
 
-def play_returns(env: DamperKneeVecEnv) -> list[float]:
+def play_returns(env: ProsthesisVecEnv) -> list[float]:
     env.reset()
     return [float(rewards.sum()) for _, rewards, _, _ in play(env, 200, env.num_envs)]
 
 
 def test_attributes_and_methods_reach_the_batch() -> None:
-    env = DamperKneeVecEnv(4, CONFIG)
+    env = ProsthesisVecEnv(4, CONFIG)
     assert env.get_attr("num_envs") == [4] * 4
     assert env.get_attr("render_mode", [0, 2]) == [None, None]
     assert not env.has_attr("nothing_of_that_name")
@@ -130,7 +130,7 @@ def test_attributes_and_methods_reach_the_batch() -> None:
 
 @pytest.mark.parametrize("actions", [np.full((3, 1), np.nan), np.zeros((2, 1)), np.zeros((3, 2))])
 def test_impossible_actions_are_refused(actions: NDArray[np.float64]) -> None:
-    env = DamperKneeVecEnv(3, CONFIG)
+    env = ProsthesisVecEnv(3, CONFIG)
     env.reset()
     with pytest.raises(ValueError, match=r"action|reshape"):
         env.step(actions)
@@ -138,7 +138,7 @@ def test_impossible_actions_are_refused(actions: NDArray[np.float64]) -> None:
 
 def test_staggered_walkers_end_their_episodes_one_after_the_other() -> None:
     config = {**CONFIG, "scenario": {"duration_s": 2.0, "push_n": 0.0, "start": "cyclic", "speed_m_s": 1.1}}
-    env = DamperKneeVecEnv(50, config, staggered=True)
+    env = ProsthesisVecEnv(50, config, staggered=True)
     env.seed(0)
     env.reset()
     ends = [int(dones.sum()) for _, _, dones, _ in play(env, 100, 50)]
@@ -150,12 +150,12 @@ def test_staggered_walkers_end_their_episodes_one_after_the_other() -> None:
 
 def test_sb3_learns_on_it_and_evaluates_it_without_a_monitor() -> None:
     torch.set_num_threads(1)
-    env = VecNormalize(DamperKneeVecEnv(8, CONFIG))
+    env = VecNormalize(ProsthesisVecEnv(8, CONFIG))
     model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=1, device="cpu", seed=0)
     model.learn(1024)
     assert model.num_timesteps == 1024
     assert model.ep_info_buffer
-    plain = DamperKneeVecEnv(8, CONFIG)
+    plain = ProsthesisVecEnv(8, CONFIG)
     untrained = PPO("MlpPolicy", plain, n_steps=64, batch_size=64, device="cpu", seed=0)
     returns, lengths = evaluate_policy(untrained, plain, n_eval_episodes=8, return_episode_rewards=True)
     assert isinstance(returns, list)
@@ -165,7 +165,7 @@ def test_sb3_learns_on_it_and_evaluates_it_without_a_monitor() -> None:
 
 
 def test_core_time_is_part_of_wall_time() -> None:
-    env = DamperKneeVecEnv(64, CONFIG)
+    env = ProsthesisVecEnv(64, CONFIG)
     env.reset()
     began = time.perf_counter()
     play(env, 50, 64)

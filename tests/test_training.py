@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.policy import Policy
-from prosthesis_gym.sb3 import DamperKneeVecEnv
+from prosthesis_gym.sb3 import ProsthesisVecEnv
 from training.checkpoint import latest_checkpoint, load_checkpoint, save_checkpoint
 from training.export import export_policy, observation_statistics
 from training.settings import Settings
@@ -115,7 +115,7 @@ def test_training_is_reproducible_and_resumes_from_the_very_weights(config: Path
 def test_the_exported_policy_acts_as_the_model_does(config: Path) -> None:
     torch.set_num_threads(1)
     settings = Settings.load(config)
-    env = VecNormalize(DamperKneeVecEnv(16, settings.env))
+    env = VecNormalize(ProsthesisVecEnv(16, settings.env))
     options: dict[str, Any] = {"net_arch": {"pi": [16, 8], "vf": [4]}, "activation_fn": torch.nn.Tanh}
     model = PPO(
         "MlpPolicy", env, n_steps=64, batch_size=64, learning_rate=0.01, policy_kwargs=options, device="cpu", seed=0
@@ -131,7 +131,7 @@ def test_the_exported_policy_acts_as_the_model_does(config: Path) -> None:
 
 def test_other_networks_are_not_exported(config: Path) -> None:
     settings = Settings.load(config)
-    env = VecNormalize(DamperKneeVecEnv(2, settings.env))
+    env = VecNormalize(ProsthesisVecEnv(2, settings.env))
     model = PPO(
         "MlpPolicy", env, n_steps=8, batch_size=16, policy_kwargs={"activation_fn": torch.nn.ReLU}, device="cpu"
     )

@@ -68,7 +68,7 @@ def test_repeats_bit_for_bit_and_depends_on_the_seed() -> None:
 def test_policy_drives_with_the_configuration_it_was_made_for() -> None:
     policy = FullBrake()
     trial = run_trial(WALK, policy=policy, duration_s=1.0)
-    assert policy.shapes == {(1, 3 * len(_core.CHANNELS))}
+    assert policy.shapes == {(1, 3 * len(_core.channels({})))}
     assert trial.config["action"]["hold"] == 2
     assert set(trial["command"][1:]) == {trial.config["action"]["max_command_nms2_rad2"]}
     assert len(trial["time_s"]) == 201

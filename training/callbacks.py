@@ -17,7 +17,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from prosthesis_gym.evaluation import EvaluationResult
 from prosthesis_gym.files import atomic_write
-from prosthesis_gym.sb3 import DamperKneeVecEnv
+from prosthesis_gym.sb3 import ProsthesisVecEnv
 
 #: Episodes that the fall rate on the screen is taken over.
 _RECENT_EPISODES = 1000
@@ -86,7 +86,7 @@ class EveryCallback(BaseCallback):
 class ProgressCallback(BaseCallback):
     """A progress bar, and scalars for TensorBoard: reward terms with their weights, falls, and where the time goes."""
 
-    def __init__(self, env: DamperKneeVecEnv, weights: Mapping[str, float], total_steps: int, *, shown: bool) -> None:
+    def __init__(self, env: ProsthesisVecEnv, weights: Mapping[str, float], total_steps: int, *, shown: bool) -> None:
         super().__init__()
         self._env = env
         self._weights = weights

@@ -24,7 +24,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from prosthesis_gym.evaluation import VALIDATION_SEED, evaluate
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.policy import Policy
-from prosthesis_gym.sb3 import DamperKneeVecEnv
+from prosthesis_gym.sb3 import ProsthesisVecEnv
 from training.callbacks import EvaluationLog, EveryCallback, ProgressCallback, StopCallback, StopSignals
 from training.checkpoint import Progress, latest_checkpoint, load_checkpoint, save_checkpoint
 from training.export import export_policy
@@ -62,7 +62,7 @@ class Trainer:
         options = settings.training
         self.threads = options.env_threads or None
         torch.set_num_threads(options.torch_threads)
-        self.env = DamperKneeVecEnv(settings.num_envs, settings.env, threads=self.threads, staggered=True)
+        self.env = ProsthesisVecEnv(settings.num_envs, settings.env, threads=self.threads, staggered=True)
         self.normaliser = VecNormalize(
             BoundedReward(self.env, options.clip_reward),
             norm_reward=options.normalise_reward,

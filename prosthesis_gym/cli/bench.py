@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from prosthesis_gym.cli.parsers import Commands, new_parser
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S, DamperKneeVectorEnv
+from prosthesis_gym.vector_env import CONTROL_PERIOD_S, ProsthesisVectorEnv
 
 _EXAMPLES = """\
 examples:
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 def measure(walkers: int, threads: int | None, seconds: float) -> Result:
     """Step `walkers` walkers with random actions for about `seconds`."""
-    env = DamperKneeVectorEnv(walkers, threads=threads)
+    env = ProsthesisVectorEnv(walkers, threads=threads)
     env.reset(seed=0)
     random = np.random.default_rng(0)
     actions = random.uniform(-1.0, 1.0, (_DRAWS, walkers, 1)).astype(np.float32)

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from prosthesis_gym.cli.parsers import Commands, new_parser
 from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge
-from prosthesis_gym.gait import Stride, stride_json, stride_table
+from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.profiles import PROFILES, load_profile
@@ -23,6 +23,7 @@ examples:
   prosthesis-gym walk --speed 1.3 --duration 20 --set knee.spring_nm_rad=1
   prosthesis-gym walk --start cyclic --controller constant:0 --out no_damper.csv
   prosthesis-gym walk --profile my_speeds.csv --json > strides.json
+  prosthesis-gym walk --device motor --duration 12 --window 3.52 9.24
 
 A profile file is a CSV with the columns time_s, speed_m_s, walk, or a TOML file with a list
 `profile` of {time_s, speed_m_s, walk}. What is given later in this list counts: the defaults of
@@ -41,6 +42,8 @@ DEFAULTS: dict[str, Any] = {
         "push_n": 0.0,
     },
 }
+#: What `constant:VALUE` sets, by device.
+_CONSTANT = {"damper": "constant_nms2_rad2", "motor": "constant_a"}
 _SOLVERS = {"fast": {"solver": {"stepper": "linearly_implicit_euler", "steps": 5}}, "reference": REFERENCE_SOLVER}
 
 #: Columns of the printed table: heading, measure, decimals.
@@ -63,11 +66,11 @@ def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = new_parser(commands, "walk", "simulate one walking trial", _EXAMPLES)
     add = parser.add_argument_group("what happens").add_argument
-    add("--device", choices=["damper"], default="damper", help="knee unit (default: damper)")
+    add("--device", choices=["damper", "motor"], default="damper", help="knee unit (default: damper)")
     add(
         "--controller",
         metavar="NAME",
-        help="state-machine (default), constant:DAMPING (N m s²/rad²) or a policy's folder",
+        help="state-machine (default), constant:VALUE (damping in N m s²/rad², current in A) or a policy's folder",
     )
     add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a profile")
     add("--profile", metavar="NAME|FILE", help=f"intent over time: {', '.join(PROFILES)}, or a file")
@@ -81,6 +84,13 @@ def add_parser(commands: Commands) -> None:
     add("--out", type=Path, metavar="FILE", help="every signal at 200 Hz, as .parquet or .csv")
     add("--plot", type=Path, metavar="FILE", help="figure of the trial, as .png, .pdf or .svg")
     add("--json", action="store_true", help="the strides as JSON on standard output, and nothing else")
+    add(
+        "--window",
+        nargs=2,
+        type=float,
+        metavar=("START", "END"),
+        help="mean powers of a motor knee from START to END (s), such as two heel strikes",
+    )
     add("--force", action="store_true", help="overwrite existing files")
     parser.set_defaults(run=run)
 
@@ -90,14 +100,17 @@ def run(arguments: argparse.Namespace) -> None:
     _check_outputs(arguments)
     config, policy = _configure(arguments)
     trial = run_trial(config, policy=policy, seed=arguments.seed)
+    powers = None if arguments.window is None else mean_powers(trial, *arguments.window)
     if arguments.out:
         save_trial(trial, arguments.out)
     if arguments.plot:
         plot_trial(trial, arguments.plot)
     if arguments.json:
-        print(stride_json(trial))
+        print(stride_json(trial, powers))
     else:
         _print(trial, [path for path in (arguments.out, arguments.plot) if path])
+        if powers is not None:
+            _print_powers(powers, *arguments.window)
 
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
@@ -115,7 +128,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | None]:
     if arguments.speed is not None and arguments.profile is not None:
         raise ValueError(f"--speed {arguments.speed} and --profile {arguments.profile}: a profile has its own speeds")
-    config = DEFAULTS
+    config = merge(DEFAULTS, {"device": {"kind": arguments.device}})
     if arguments.config:
         config = merge(config, load_config(arguments.config))
     if arguments.profile is not None:
@@ -130,7 +143,7 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
     config = merge(config, {"scenario": scenario})
     if arguments.solver is not None:
         config = merge(config, _SOLVERS[arguments.solver])
-    action, policy = _controller(arguments.controller)
+    action, policy = _controller(arguments.controller, arguments.device)
     if policy is not None:
         for setting in arguments.settings:
             if setting.startswith(("action.", "observation.")):
@@ -138,7 +151,7 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
     return apply_settings(merge(config, action), arguments.settings), policy
 
 
-def _controller(name: str | None) -> tuple[dict[str, Any], Policy | None]:
+def _controller(name: str | None, device: str) -> tuple[dict[str, Any], Policy | None]:
     """Return the configuration that selects a controller, and the policy if it is one."""
     kind, colon, value = (name or "").partition(":")
     if name is None:
@@ -147,13 +160,13 @@ def _controller(name: str | None) -> tuple[dict[str, Any], Policy | None]:
         return {"action": {"mode": "state_machine"}}, None
     if kind == "constant" and colon:
         try:
-            return {"action": {"mode": "constant", "constant_nms2_rad2": float(value)}}, None
+            return {"action": {"mode": "constant", _CONSTANT[device]: float(value)}}, None
         except ValueError:
             raise ValueError(f"--controller {name}: {value!r} is not a number") from None
     if Path(name).is_dir():
         policy = Policy.load(name)
         return dict(policy.config), policy
-    raise ValueError(f"--controller {name}: neither state-machine, constant:DAMPING nor the folder of a policy")
+    raise ValueError(f"--controller {name}: neither state-machine, constant:VALUE nor the folder of a policy")
 
 
 def _print(trial: Trial, written: list[Path]) -> None:
@@ -163,6 +176,15 @@ def _print(trial: Trial, written: list[Path]) -> None:
     print(f"{trial.outcome} after {trial.end_s:.2f} s, {len(strides)} full strides")
     for path in written:
         print(f"wrote {path}")
+
+
+def _print_powers(powers: dict[str, float], begin_s: float, end_s: float) -> None:
+    table = Table(box=box.SIMPLE_HEAD, padding=0, title=f"mean power from {begin_s:.2f} to {end_s:.2f} s")
+    table.add_column("")
+    table.add_column("W", justify="right")
+    for name, power_w in powers.items():
+        table.add_row(name.removesuffix("_w").replace("_", " "), f"{power_w:.1f}")
+    Console().print(table)
 
 
 def _table(strides: list[Stride]) -> Table:
