@@ -152,7 +152,7 @@ fn the_energy_balance_of_the_40_s_trial_closes() {
     assert!(imbalance < 1e-6, "{imbalance:e}");
 
     let work_of = |name: &str| meter.work[POWERS.iter().position(|&power| power == name).unwrap()][0];
-    for dissipative in ["knee_damper", "knee_friction", "contact_normal", "contact_tangential"] {
+    for dissipative in ["knee_command", "knee_friction", "contact_normal", "contact_tangential"] {
         assert!(work_of(dissipative) < 0.0, "{dissipative} {}", work_of(dissipative));
     }
 }
