@@ -1,13 +1,14 @@
 """The schema: errors name the key, the value and what is allowed."""
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import apply_settings, load_config, merge, resolve
+from prosthesis_gym.config import Config, apply_settings, load_config, merge, resolve
 
 
 @pytest.mark.parametrize(
@@ -28,6 +29,15 @@ from prosthesis_gym.config import apply_settings, load_config, merge, resolve
         ({"action": {"hold": 0}}, "action.hold = 0 is outside its allowed range [1, 200] samples"),
         ({"solver": {"stepper": "rk4", "steps": 5}}, "solver.steps = 5 is outside its allowed range [20, "),
         ({"end_stop": {"extension_angle_deg": 59.0, "flexion_angle_deg": 60.0}}, "end_stop.flexion_angle_deg = 60"),
+        (
+            {"sensors": {"tube_force": {"drop_out": 1.5}}},
+            "sensors.tube_force.drop_out = 1.5 is outside its allowed range",
+        ),
+        (
+            {"sensors": {"shank_rate": {"noise": -1.0}}},
+            "sensors.shank_rate.noise = -1 is outside its allowed range [0, ",
+        ),
+        ({"sensors": {"shank_rate": {"delay_s": 1.0}}}, "sensors.shank_rate.delay_s: unknown field"),
         ({"body": {"ball_x_m": -0.1}}, "body.ball_x_m = -0.1 must lie ahead"),
     ],
 )
@@ -36,11 +46,18 @@ def test_bad_configurations_are_named(config: dict[str, Any], complaint: str) ->
         resolve(config)
 
 
+def dotted_keys(section: Config) -> Iterator[str]:
+    """Keys of all values in a nested configuration."""
+    for key, value in section.items():
+        if isinstance(value, dict):
+            yield from (f"{key}.{rest}" for rest in dotted_keys(value))
+        else:
+            yield key
+
+
 def test_the_parameter_table_is_the_schema() -> None:
     """Every row's key exists in the resolved configuration, and every key of that has a row."""
-    complete = resolve({})
-    keys = {f"{section}.{key}" for section, values in complete.items() for key in values}
-    assert keys == {row["key"] for row in _core.parameters()}
+    assert set(dotted_keys(resolve({}))) == {row["key"] for row in _core.parameters()}
     assert all(row["doc"] for row in _core.parameters())
 
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import REFERENCE_SOLVER, Config
+from prosthesis_gym.config import REFERENCE_SOLVER, Config, merge, resolve
 
 STEPS = 600
 
@@ -44,6 +44,47 @@ def test_position_in_the_batch_changes_nothing() -> None:
     straight = trajectory({}, 40, 1, seeds)
     shuffled = trajectory({}, 40, 1, seeds[order])
     np.testing.assert_array_equal(straight[:, order], shuffled)
+
+
+IMPERFECT: Config = {
+    "sensors": {
+        "knee_encoder": {"noise": 0.002, "bias": 0.01, "delay_samples": 1},
+        "tube_force": {"noise": 0.02, "bias": 0.01, "drop_out": 0.1, "saturation": 1.5},
+        "tube_moment": {"noise": 0.02, "resolution": 0.01, "delay_samples": 3},
+        "shank_rate": {"noise": 0.05, "bias": 0.1, "drop_out": 0.05},
+    }
+}
+
+
+def test_sensor_noise_belongs_to_the_seed_and_not_to_the_batch() -> None:
+    seeds = np.arange(21, dtype=np.uint64)
+    together = trajectory(IMPERFECT, 21, 2, seeds)
+    np.testing.assert_array_equal(together, trajectory(IMPERFECT, 21, 1, seeds))
+    for index in (0, 7, 13, 20):
+        alone = trajectory(IMPERFECT, 1, 1, seeds[index : index + 1])
+        np.testing.assert_array_equal(together[:, index], alone[:, 0])
+    assert (together[1:] != trajectory({}, 21, 2, seeds)[1:]).any(axis=(0, 2)).all()
+
+
+def test_every_episode_and_seed_has_noise_of_its_own() -> None:
+    """First observation of a standing walker, which differs between episodes in its bias and noise alone."""
+    config = merge(IMPERFECT, {"scenario": {"start": "standing"}})
+    batch = _core.Batch(2, config, "same_step", 1)
+    first, second = batch.reset(np.array([3, 4], dtype=np.uint64)), batch.reset()
+    again = batch.reset(np.array([3, 4], dtype=np.uint64))
+    np.testing.assert_array_equal(first, again)
+    shank_rates = [*first[:, 5], *second[:, 5]]
+    assert len(set(shank_rates)) == 4
+
+
+def test_sensors_with_zero_options_are_the_default_ones() -> None:
+    options = ("noise", "bias", "delay_samples", "drop_out", "saturation")
+    sensors = {
+        name: dict.fromkeys(options, 0) for name, value in resolve({})["sensors"].items() if isinstance(value, dict)
+    }
+    assert len(sensors) == 12
+    seeds = np.arange(9, dtype=np.uint64)
+    np.testing.assert_array_equal(trajectory({"sensors": sensors}, 9, 1, seeds), trajectory({}, 9, 1, seeds))
 
 
 def test_diverging_walkers_end_with_a_reason_and_leave_their_neighbours_alone() -> None:

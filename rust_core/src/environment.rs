@@ -3,6 +3,7 @@
 //! The random stream of an episode depends on (seed, episode number) alone, and lanes never mix, so trajectories do not
 //! depend on batch size, position in the batch or number of threads.
 
+use rand::Rng;
 use rand_pcg::Pcg64;
 
 use crate::config::Config;
@@ -162,6 +163,7 @@ impl<const L: usize> Environments<L> {
             env.ended = false;
             env.last_command = 0.0;
             let episode = setup.config.scenario.draw(&mut random);
+            self.simulation.sensors.seed[lane] = random.next_u64();
             self.simulation.start(lane, episode);
         }
         self.simulation.observe_started(lanes);
@@ -180,7 +182,7 @@ impl<const L: usize> Environments<L> {
     fn frame(&self, setup: &Setup, lane: usize) -> [f32; LONGEST_FRAME] {
         agent::frame(
             &setup.action,
-            &self.simulation.readings[lane],
+            &self.simulation.readings.get(lane),
             self.envs[lane].last_command,
             self.simulation.state_machine_command[lane],
         )
@@ -289,7 +291,7 @@ impl<const L: usize> Environments<L> {
             mass,
             hip_power: plant.hip_torque(lane) * (motion.thigh_rate - plant.prescribed(lane).rate),
             knee_angle: motion.thigh - motion.shank,
-            tube_force_bw: simulation.readings[lane].tube_force_bw,
+            tube_force_bw: simulation.truth.tube_force_bw[lane],
             ground_force_bw: points.iter().map(|(normal, _)| normal).sum::<f64>() / (mass * GRAVITY),
             sole_speed: points.iter().map(touching_speed).fold(0.0, f64::max),
             electrical_power: plant.unit.electrical_powers(lane, &simulation.state.rotor.get(lane))[0],

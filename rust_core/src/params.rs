@@ -1,7 +1,8 @@
 //! Declares a block's parameters once: field, unit, default, range and documentation.
 //!
 //! [`params!`](crate::params::params) makes of one declaration the struct, its defaults, its serde schema (unknown keys are
-//! errors), its range check, and the table that help texts and documentation pages are generated from.
+//! errors), its range check, and the table that help texts and documentation pages are generated from. Structs so declared
+//! nest as `sections`.
 
 use crate::error::{Error, Result};
 
@@ -169,14 +170,17 @@ impl Parameter for Span {
 macro_rules! params {
     ($(#[doc = $struct_doc:literal])* pub struct $Name:ident {
         $($(#[doc = $doc:literal])* $field:ident: $kind:ty = $default:expr, $unit:literal, $range:expr;)+
-    }) => {
+    } $(sections { $($section:ident: $Section:ident,)+ })?) => {
         $(#[doc = $struct_doc])*
         #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
         #[serde(deny_unknown_fields, default)]
-        pub struct $Name { $($(#[doc = $doc])* #[doc = concat!("\n\nUnit: ", $unit)] pub $field: $kind,)+ }
+        pub struct $Name {
+            $($(#[doc = $doc])* #[doc = concat!("\n\nUnit: ", $unit)] pub $field: $kind,)+
+            $($(#[doc = concat!("Section [`", stringify!($Section), "`].")] pub $section: $Section,)+)?
+        }
 
         impl Default for $Name {
-            fn default() -> Self { Self { $($field: $default,)+ } }
+            fn default() -> Self { Self { $($field: $default,)+ $($($section: $Section::default(),)+)? } }
         }
 
         impl $Name {
@@ -188,6 +192,7 @@ macro_rules! params {
                     for number in self.$field.numbers() { $range.check(&key, number, $unit)?; }
                     self.$field.check(&key)?;
                 })+
+                $($(self.$section.validate(&format!("{path}.{}", stringify!($section)))?;)+)?
                 Ok(())
             }
 
@@ -195,13 +200,14 @@ macro_rules! params {
             pub fn table(path: &str) -> Vec<$crate::params::ParameterDoc> {
                 use $crate::params::Parameter;
                 let defaults = Self::default();
-                vec![$($crate::params::ParameterDoc {
+                let fields = vec![$($crate::params::ParameterDoc {
                     key: format!("{path}.{}", stringify!($field)),
                     default: defaults.$field.text(),
                     unit: $unit,
                     range: <$kind as Parameter>::allowed($range),
                     doc: concat!($($doc, "\n"),*).trim().to_owned(),
-                }),+]
+                }),+];
+                [fields $(, $($Section::table(&format!("{path}.{}", stringify!($section)))),+)?].concat()
             }
         }
     };

@@ -21,12 +21,24 @@ lanes! {
         shank_angle: f64,
         /// Shank angular velocity, rad/s.
         shank_rate: f64,
+        /// Specific force at the shank's inertial sensor, forward across the shank, m/s^2.
+        shank_force_x: f64,
+        /// Same, up along the shank, m/s^2.
+        shank_force_y: f64,
+        /// Thigh angular velocity, rad/s.
+        thigh_rate: f64,
+        /// Specific force at the thigh's inertial sensor, forward across the thigh, m/s^2.
+        thigh_force_x: f64,
+        /// Same, up along the thigh, m/s^2.
+        thigh_force_y: f64,
         /// Ankle moment, N m/kg, plantarflexing positive.
         ankle_moment_nm_kg: f64,
-        /// Motor current, A; zero without a motor.
-        motor_current: f64,
+        /// Motor position, rad, flexing positive; zero without a motor.
+        motor_position: f64,
         /// Motor speed, rad/s, flexing positive; zero without a motor.
         motor_speed: f64,
+        /// Motor current, A; zero without a motor.
+        motor_current: f64,
     }
 }
 
@@ -45,13 +57,25 @@ lanes! {
         shank_angle: f64,
         /// Shank angular velocity, rad/s.
         shank_rate: f64,
+        /// Specific force (acceleration less gravity) at the shank's inertial sensor, forward across the shank, m/s^2.
+        shank_force_x: f64,
+        /// Same, up along the shank, m/s^2.
+        shank_force_y: f64,
+        /// Thigh angular velocity, rad/s.
+        thigh_rate: f64,
+        /// Specific force at the thigh's inertial sensor, forward across the thigh, m/s^2.
+        thigh_force_x: f64,
+        /// Same, up along the thigh, m/s^2.
+        thigh_force_y: f64,
         /// Ankle moment, N m/kg, plantarflexing positive.
         ankle_moment_nm_kg: f64,
         /// Its filtered rate, N m/kg/s.
         ankle_moment_rate: f64,
-        /// Motor current, A.
-        motor_current: f64,
+        /// Motor position, rad, flexing positive.
+        motor_position: f64,
         /// Motor speed, rad/s, flexing positive.
         motor_speed: f64,
+        /// Motor current, A.
+        motor_current: f64,
     }
 }

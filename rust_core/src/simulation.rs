@@ -13,8 +13,8 @@ use crate::human_prosthesis::{HumanProsthesis, State};
 use crate::integrator::{self, HybridFlow, Workspace};
 use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
 use crate::scenario::Episode;
-use crate::sensors::{SensorMemory, Sensors};
-use crate::signals::{CONTROL_PERIOD_S, Measurand, Readings};
+use crate::sensors::Sensors;
+use crate::signals::{CONTROL_PERIOD_S, Measurand, MeasurandLanes, ReadingsLanes};
 
 /// A block of `L` walkers with their controllers' inputs and outputs.
 #[derive(Clone, Debug)]
@@ -23,8 +23,12 @@ pub struct Simulation<const L: usize> {
     pub plant: HumanProsthesis<L>,
     /// Continuous state.
     pub state: State<L>,
+    /// What the sensors sense, at the last sample.
+    pub truth: MeasurandLanes<L>,
+    /// Sensors with their noise.
+    pub sensors: Sensors<L>,
     /// Last sensor readings.
-    pub readings: [Readings; L],
+    pub readings: ReadingsLanes<L>,
     /// State machine of each walker: it listens even where an agent commands.
     pub state_machine: [ReferenceController; L],
     /// What the state machine commands from the last readings, in the knee unit's own unit.
@@ -32,8 +36,6 @@ pub struct Simulation<const L: usize> {
     /// Control periods since the start of the trial.
     pub sample: [u64; L],
     episode: [Option<Episode>; L],
-    sensors: Sensors,
-    sensor_memory: [SensorMemory; L],
     reference: ReferenceParams,
     solver: SolverParams,
     work: Workspace<State<L>>,
@@ -47,13 +49,13 @@ impl<const L: usize> Simulation<L> {
         let reference = ReferenceParams::from(config);
         Self {
             plant: HumanProsthesis::new(config),
-            readings: [Readings::default(); L],
+            truth: MeasurandLanes::default(),
+            sensors: Sensors::new(&config.sensors),
+            readings: ReadingsLanes::default(),
             state_machine: [reference.start(); L],
             state_machine_command: [0.0; L],
             sample: [0; L],
             episode: std::array::from_fn(|_| None),
-            sensors: Sensors::from(&config.sensors),
-            sensor_memory: [SensorMemory::default(); L],
             reference,
             solver: config.solver,
             work: Workspace::new(&state),
@@ -62,7 +64,7 @@ impl<const L: usize> Simulation<L> {
         }
     }
 
-    /// Starts `episode` in `lane`; call [`observe_started`](Self::observe_started) after the last start.
+    /// Starts `episode` in `lane` with the noise of `sensors.seed`; call [`observe_started`](Self::observe_started) after the last start.
     pub fn start(&mut self, lane: usize, episode: Episode) {
         self.plant.profile[lane].clone_from(&episode.profile);
         self.plant.start(&mut self.state, lane, episode.start);
@@ -77,8 +79,11 @@ impl<const L: usize> Simulation<L> {
         self.set_inputs();
         self.evaluate();
         for lane in (0..L).filter(|&lane| started[lane]) {
-            self.sensor_memory[lane] = self.sensors.start(&self.measure(lane));
-            self.observe(lane);
+            self.truth.set(lane, self.measure(lane));
+        }
+        self.sensors.start(started, &self.truth, &mut self.readings);
+        for lane in (0..L).filter(|&lane| started[lane]) {
+            self.control(lane);
         }
     }
 
@@ -139,7 +144,11 @@ impl<const L: usize> Simulation<L> {
         }
         self.evaluate();
         for lane in 0..L {
-            self.observe(lane);
+            self.truth.set(lane, self.measure(lane));
+        }
+        self.sensors.sample(&self.truth, &mut self.readings);
+        for lane in 0..L {
+            self.control(lane);
         }
     }
 
@@ -155,23 +164,30 @@ impl<const L: usize> Simulation<L> {
         let motion = self.state.motion.get(lane);
         let reactions = self.plant.reactions(&self.state, lane);
         let mass = self.plant.body(lane).mass;
+        let [thigh_imu, shank_imu] = self.sensors.imu;
+        let [thigh_force, shank_force] = self.plant.specific_forces(&self.state, lane, thigh_imu, shank_imu);
         Measurand {
             knee_angle: motion.thigh - motion.shank,
             tube_force_bw: -reactions.tube_force / (mass * crate::signals::GRAVITY),
             tube_moment_nm_kg: -reactions.tube_torque / mass,
             shank_angle: motion.shank,
             shank_rate: motion.shank_rate,
+            shank_force_x: shank_force.forward,
+            shank_force_y: shank_force.up,
+            thigh_rate: motion.thigh_rate,
+            thigh_force_x: thigh_force.forward,
+            thigh_force_y: thigh_force.up,
             ankle_moment_nm_kg: -self.plant.device(lane).ankle / mass,
-            motor_current: self.plant.unit.motor_signals(lane).current,
+            motor_position: self.state.rotor.angle[lane],
             motor_speed: self.state.rotor.rate[lane],
+            motor_current: self.plant.unit.motor_signals(lane).current,
         }
     }
 
+    /// Lets the state machine hear the last readings.
     #[inline(always)]
-    fn observe(&mut self, lane: usize) {
-        let (memory, readings) = self.sensors.sample(&self.sensor_memory[lane], &self.measure(lane));
-        self.sensor_memory[lane] = memory;
-        self.readings[lane] = readings;
+    fn control(&mut self, lane: usize) {
+        let readings = self.readings.get(lane);
         self.state_machine_command[lane] = self.state_machine[lane].update(&self.reference, &readings);
     }
 

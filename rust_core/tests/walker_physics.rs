@@ -119,6 +119,63 @@ fn the_limp_mechanism_conserves_angular_momentum_in_free_fall() {
     }
 }
 
+/// Against second differences of the sensors' positions, two periods apart.
+#[test]
+fn inertial_sensors_sense_their_own_acceleration_and_rate() {
+    let mut config = limp();
+    (config.sensors.thigh_imu_m, config.sensors.shank_imu_m) = (0.2, 0.15);
+    let mut simulation = in_free_fall(&config);
+    let samples: Vec<_> = (0..periods(0.3))
+        .map(|_| {
+            simulation.advance(&[0.0]);
+            let m = simulation.state.motion.get(0);
+            let below =
+                |[x, y]: [f64; 2], angle: f64, length: f64| [x + length * angle.sin(), y - length * angle.cos()];
+            let hip = [m.hip_x, m.hip_y];
+            let thigh = below(hip, m.thigh, config.sensors.thigh_imu_m);
+            let shank = below(below(hip, m.thigh, config.body.thigh_length_m), m.shank, config.sensors.shank_imu_m);
+            let readings = simulation.readings.get(0);
+            assert_eq!((readings.thigh_rate, readings.shank_rate), (m.thigh_rate, m.shank_rate));
+            let sensed =
+                [readings.thigh_force_x, readings.thigh_force_y, readings.shank_force_x, readings.shank_force_y];
+            (thigh, shank, [m.thigh, m.shank], sensed)
+        })
+        .collect();
+    let mut largest = 0.0_f64;
+    for window in samples.windows(3) {
+        let [before, now, after] = [&window[0], &window[1], &window[2]];
+        let force = |before: [f64; 2], now: [f64; 2], after: [f64; 2], angle: f64| {
+            let [ax, ay]: [f64; 2] =
+                std::array::from_fn(|i| (after[i] - 2.0 * now[i] + before[i]) / CONTROL_PERIOD_S.powi(2));
+            let (sin, cos) = angle.sin_cos();
+            [ax * cos + (ay + GRAVITY) * sin, -ax * sin + (ay + GRAVITY) * cos]
+        };
+        let thigh = force(before.0, now.0, after.0, now.2[0]);
+        let shank = force(before.1, now.1, after.1, now.2[1]);
+        for (sensed, expected) in now.3.into_iter().zip(thigh.into_iter().chain(shank)) {
+            assert!((sensed - expected).abs() < 0.1, "{sensed} m/s^2 sensed, {expected} expected");
+            largest = largest.max(sensed.abs());
+        }
+    }
+    assert!(largest > 10.0, "the leg hardly moved: {largest}");
+}
+
+#[test]
+fn inertial_sensors_of_a_resting_leg_sense_gravity_in_the_frames_of_its_segments() {
+    let mut simulation = simulation(&Config::default(), Start::Standing, vec![knot(0.0, 1.1, false)]);
+    for _ in 0..periods(20.0) {
+        simulation.advance(&[0.0]);
+    }
+    let (motion, readings) = (simulation.state.motion.get(0), simulation.readings.get(0));
+    for (angle, forward, up) in [
+        (motion.thigh, readings.thigh_force_x, readings.thigh_force_y),
+        (motion.shank, readings.shank_force_x, readings.shank_force_y),
+    ] {
+        assert!((forward - GRAVITY * angle.sin()).abs() < 1e-2, "{forward}");
+        assert!((up - GRAVITY * angle.cos()).abs() < 1e-2, "{up}");
+    }
+}
+
 /// Speed profile of the 40 s trial of section 5.2.2.
 fn forty_second_trial() -> Vec<Knot> {
     vec![
@@ -276,7 +333,7 @@ fn the_error_of_the_reference_on_the_walker_falls_with_the_fourth_power_of_the_s
 fn fingerprint<const L: usize>(simulation: &Simulation<L>, lane: usize) -> String {
     let Simulation { plant, state, readings, state_machine, state_machine_command, .. } = simulation;
     let motion = (state.motion.get(lane), state.reference.get(lane), state.rest.get(lane));
-    let signals = (readings[lane], state_machine[lane], state_machine_command[lane]);
+    let signals = (readings.get(lane), state_machine[lane], state_machine_command[lane]);
     let forces = (plant.reactions(state, lane), plant.device(lane), plant.extension_stop_peak[lane]);
     format!("{motion:?}\n{signals:?}\n{forces:?}\n{:?}", plant.memory(lane))
 }

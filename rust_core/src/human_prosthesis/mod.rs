@@ -11,7 +11,7 @@
 mod outputs;
 mod start;
 
-pub use outputs::POWERS;
+pub use outputs::{POWERS, SpecificForce};
 pub use start::Start;
 
 use crate::compliant_ground::{self, Contact, ContactLanes, Ground, GroundLanes};

@@ -6,6 +6,7 @@ use crate::human_controller::gait_fsm::Memory;
 use crate::human_controller::{reference, slip_leg};
 use crate::hybrid_dynamics::body::Body;
 use crate::hybrid_dynamics::walker::{self, Point, Prescribed, Reactions};
+use crate::signals::GRAVITY;
 
 /// Power of everything that does work on the segments, W; see [`HumanProsthesis::powers`].
 pub const POWERS: [&str; 12] = [
@@ -22,6 +23,32 @@ pub const POWERS: [&str; 12] = [
     "contact_normal",
     "contact_tangential",
 ];
+
+/// Acceleration less gravity in the frame of a segment, m/s^2: what an accelerometer senses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpecificForce {
+    /// Forward across the segment.
+    pub forward: f64,
+    /// Up along the segment.
+    pub up: f64,
+}
+
+/// Specific force `below` (m) under the upper joint of a segment with unit vector `down` and the given joint acceleration
+/// (m/s^2), angular velocity (rad/s) and acceleration (rad/s^2).
+#[inline(always)]
+fn specific_force(
+    [down_x, down_y]: [f64; 2],
+    [joint_ax, joint_ay]: [f64; 2],
+    rate: f64,
+    acceleration: f64,
+    below: f64,
+) -> SpecificForce {
+    let lift = joint_ay + GRAVITY;
+    SpecificForce {
+        forward: down_x * lift - down_y * joint_ax + acceleration * below,
+        up: rate * rate * below - down_x * joint_ax - down_y * lift,
+    }
+}
 
 impl<const L: usize> HumanProsthesis<L> {
     /// Memory of the human in `lane`.
@@ -89,6 +116,34 @@ impl<const L: usize> HumanProsthesis<L> {
         )
     }
 
+    /// Specific force at the inertial sensors of thigh and shank, mounted so far (m) below hip and knee.
+    #[inline(always)]
+    pub fn specific_forces(&self, state: &State<L>, lane: usize, thigh: f64, shank: f64) -> [SpecificForce; 2] {
+        let motion = state.motion.get(lane);
+        let kin = self.kinematics.get(lane);
+        let acceleration = self.acceleration.get(lane);
+        let (alpha, centripetal) = (acceleration.thigh, motion.thigh_rate * motion.thigh_rate);
+        let knee_ax = acceleration.hip_x - alpha * kin.thigh_y - centripetal * kin.thigh_x;
+        let knee_ay = acceleration.hip_y + alpha * kin.thigh_x - centripetal * kin.thigh_y;
+        let down = |x: f64, y: f64, length: f64| [x / length, y / length];
+        [
+            specific_force(
+                down(kin.thigh_x, kin.thigh_y, self.body.thigh_length[lane]),
+                [acceleration.hip_x, acceleration.hip_y],
+                motion.thigh_rate,
+                acceleration.thigh,
+                thigh,
+            ),
+            specific_force(
+                down(kin.shank_x, kin.shank_y, self.body.shank_length[lane]),
+                [knee_ax, knee_ay],
+                motion.shank_rate,
+                acceleration.shank,
+                shank,
+            ),
+        ]
+    }
+
     /// Kinetic and potential energy of segments and knee unit's rotor.
     pub fn energy(&self, state: &State<L>, lane: usize) -> walker::Energy {
         let (_, rotor) =
@@ -135,5 +190,26 @@ impl<const L: usize> HumanProsthesis<L> {
             over_points(|contact, point| contact.normal * point.vy),
             over_points(|contact, point| contact.tangential * point.vx),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_resting_accelerometer_senses_gravity_in_the_frame_of_its_segment() {
+        for angle in [-1.2_f64, -0.3, 0.0, 0.4, 1.5] {
+            let force = specific_force([angle.sin(), -angle.cos()], [0.0; 2], 0.0, 0.0, 0.3);
+            assert!((force.forward - GRAVITY * angle.sin()).abs() < 1e-12);
+            assert!((force.up - GRAVITY * angle.cos()).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_falling_and_turning_accelerometer_senses_its_own_rotation_alone() {
+        let force = specific_force([0.6, -0.8], [0.0, -GRAVITY], 3.0, -5.0, 0.2);
+        assert!((force.forward + 5.0 * 0.2).abs() < 1e-12);
+        assert!((force.up - 9.0 * 0.2).abs() < 1e-12);
     }
 }
