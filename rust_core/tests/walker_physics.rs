@@ -11,6 +11,7 @@ use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
 use prosthesis_gym_core::human_prosthesis::{POWERS, Start};
 use prosthesis_gym_core::hybrid_dynamics::chain::Chain;
 use prosthesis_gym_core::hybrid_dynamics::walker::Motion;
+use prosthesis_gym_core::hybrid_dynamics::walker_chain::walker_joints;
 use prosthesis_gym_core::integrator::Stepper;
 use prosthesis_gym_core::scenario::{Episode, ScenarioParams};
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
@@ -71,7 +72,7 @@ fn energy(simulation: &Simulation<1>) -> f64 {
 
 /// Angular momentum about the centre of mass and linear momentum, by the general chain.
 fn momentum(config: &Config, simulation: &Simulation<1>) -> [f64; 3] {
-    let chain = Chain::new(table_1::walker_joints(&config.body), [0.0, -GRAVITY]).unwrap();
+    let chain = Chain::new(walker_joints(&config.body), [0.0, -GRAVITY]).unwrap();
     let (m, trunk) = (simulation.state.motion.get(0), simulation.plant.prescribed(0));
     let mount = config.body.foot_mount_deg.to_radians();
     let q = table_1::joint_coordinates([m.hip_x, m.hip_y], trunk.angle, [m.thigh, m.shank, m.foot], mount);

@@ -8,10 +8,11 @@ mod walker;
 use prosthesis_gym_core::hybrid_dynamics::body::BodyParams;
 use prosthesis_gym_core::hybrid_dynamics::chain::JointKind::{PrismaticX, PrismaticY, Revolute};
 use prosthesis_gym_core::hybrid_dynamics::chain::{Chain, ExternalForce, Joint, Workspace};
+use prosthesis_gym_core::hybrid_dynamics::walker_chain::walker_joints;
 use prosthesis_gym_core::signals::GRAVITY;
 use rand::RngExt;
 use rand_pcg::Pcg64;
-use table_1::{joint_coordinates, walker_joints};
+use table_1::joint_coordinates;
 
 const DOWN: [f64; 2] = [0.0, -GRAVITY];
 

@@ -58,17 +58,17 @@ impl Chain {
         q: &[f64],
         qd: &[f64],
         qdd: &[f64],
-        external: &[ExternalForce],
+        external_forces: &[ExternalForce],
         tau: &mut [f64],
     ) -> Result<()> {
         for (name, values) in [("q", q), ("qd", qd), ("qdd", qdd)] {
             self.check(name, values)?;
         }
         self.check_length("tau", tau.len(), self.joints.len())?;
-        self.check_external(external)?;
+        self.check_external_forces(external_forces)?;
         work.fit(self.joints.len());
         work.accelerations.copy_from_slice(qdd);
-        self.newton_euler(work, q, qd, external);
+        self.newton_euler(work, q, qd, external_forces);
         tau.copy_from_slice(&work.forces);
         Ok(())
     }
@@ -85,7 +85,7 @@ impl Chain {
         qdd: &mut [f64],
         tau: &mut [f64],
         forward: &[bool],
-        external: &[ExternalForce],
+        external_forces: &[ExternalForce],
     ) -> Result<()> {
         let n = self.joints.len();
         self.check("q", q)?;
@@ -93,7 +93,7 @@ impl Chain {
         for (name, length) in [("qdd", qdd.len()), ("tau", tau.len()), ("forward", forward.len())] {
             self.check_length(name, length, n)?;
         }
-        self.check_external(external)?;
+        self.check_external_forces(external_forces)?;
         work.fit(n);
 
         // C': the forces that would leave the forward joints unaccelerated.
@@ -102,7 +102,7 @@ impl Chain {
             finite(|| format!("{name}[{i}]"), given)?;
             work.accelerations[i] = if forward[i] { 0.0 } else { given };
         }
-        self.newton_euler(work, q, qd, external);
+        self.newton_euler(work, q, qd, external_forces);
         self.composite_rigid_bodies(work, q);
 
         // H_11 qdd_1 = tau_1 - C'_1 of the forward joints, then tau_2 = C'_2 + H_21 qdd_1 of the others.
@@ -120,7 +120,7 @@ impl Chain {
     }
 
     /// Recursive Newton-Euler (Table 5.1): the joint forces that cause `work.accelerations`, into `work.forces`.
-    fn newton_euler(&self, work: &mut Workspace, q: &[f64], qd: &[f64], external: &[ExternalForce]) {
+    fn newton_euler(&self, work: &mut Workspace, q: &[f64], qd: &[f64], external_forces: &[ExternalForce]) {
         // Gravity is an acceleration of the ground the other way.
         let mut acceleration = Twist { angular: 0.0, linear: self.gravity.map(|g| -g) };
         for (i, body) in self.outwards(q, Some(qd)).enumerate() {
@@ -128,7 +128,7 @@ impl Chain {
             acceleration =
                 body.frame.local_twist(acceleration) + axis * work.accelerations[i] + velocity.cross(axis * qd[i]);
             let mut wrench = inertia.momentum(acceleration) + velocity.cross_wrench(inertia.momentum(velocity));
-            for load in external.iter().filter(|load| load.body == i) {
+            for load in external_forces.iter().filter(|load| load.body == i) {
                 wrench = wrench - Wrench::of_force(load.point, body.world.unrotate(load.force));
             }
             (work.frames[i], work.wrenches[i]) = (body.frame, wrench);

@@ -7,13 +7,15 @@ use crate::error::{Error, Result};
 
 /// The one motion that a joint allows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
 pub enum JointKind {
     /// Shift along the x-axis of the joint's frame, m.
+    #[serde(rename = "px")]
     PrismaticX,
     /// Shift along its y-axis, m.
+    #[serde(rename = "py")]
     PrismaticY,
     /// Counter-clockwise rotation, rad.
+    #[serde(rename = "r")]
     Revolute,
 }
 

@@ -82,12 +82,14 @@ impl Chain {
     /// Position in the world of a point of a body, m.
     pub fn point_position(&self, q: &[f64], body: usize, point: Vector) -> Result<Vector> {
         self.check("q", q)?;
+        all_finite("point", &point)?;
         Ok(self.body(q, None, body)?.world.point(point))
     }
 
     /// Velocity along the world's axes of a point of a body, m/s.
     pub fn point_velocity(&self, q: &[f64], qd: &[f64], body: usize, point: Vector) -> Result<Vector> {
         self.check("q", q)?;
+        all_finite("point", &point)?;
         self.check("qd", qd)?;
         let body = self.body(q, Some(qd), body)?;
         Ok(body.world.rotate(body.velocity.at(point)))
@@ -96,6 +98,7 @@ impl Chain {
     /// Jacobian J of a point of a body, `v = J qd`: the row of x, then the row of y.
     pub fn point_jacobian(&self, q: &[f64], body: usize, point: Vector, jacobian: &mut [f64]) -> Result<()> {
         self.check("q", q)?;
+        all_finite("point", &point)?;
         let n = self.joints.len();
         self.check_length("jacobian", jacobian.len(), 2 * n)?;
         let target = self.body(q, None, body)?.world.point(point);
@@ -166,13 +169,13 @@ impl Chain {
         Error::OutOfRange { key: key.to_owned(), value: body.to_string(), range }
     }
 
-    fn check_external(&self, external: &[ExternalForce]) -> Result<()> {
-        for (i, load) in external.iter().enumerate() {
+    fn check_external_forces(&self, external_forces: &[ExternalForce]) -> Result<()> {
+        for (i, load) in external_forces.iter().enumerate() {
             if load.body >= self.joints.len() {
-                return Err(self.no_such_body(&format!("external[{i}].body"), load.body));
+                return Err(self.no_such_body(&format!("external_forces[{i}].body"), load.body));
             }
-            all_finite(&format!("external[{i}].point"), &load.point)?;
-            all_finite(&format!("external[{i}].force"), &load.force)?;
+            all_finite(&format!("external_forces[{i}].point"), &load.point)?;
+            all_finite(&format!("external_forces[{i}].force"), &load.force)?;
         }
         Ok(())
     }

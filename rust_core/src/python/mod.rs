@@ -1,9 +1,12 @@
-//! The Python module `prosthesis_gym._core`: the only file that names pyo3 and numpy.
+//! The Python module `prosthesis_gym._core`: the only folder that names pyo3 and numpy.
+
+mod dynamics;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use serde::de::DeserializeOwned;
 
 use crate::batch::Batch;
 use crate::config::Config;
@@ -25,6 +28,12 @@ impl From<Error> for PyErr {
 
 fn read_config(config: &Bound<'_, PyAny>) -> PyResult<Config> {
     Ok(Config::from_deserializer(&mut pythonize::Depythonizer::from_object(config))?)
+}
+
+/// Reads what is not a configuration; an error names the entry.
+fn depythonize<T: DeserializeOwned>(object: &Bound<'_, PyAny>) -> PyResult<T> {
+    let read = serde_path_to_error::deserialize(&mut pythonize::Depythonizer::from_object(object));
+    Ok(read.map_err(|error| Error::Schema { key: error.path().to_string(), reason: error.inner().to_string() })?)
 }
 
 fn zeros<'py, T: numpy::Element>(py: Python<'py>, length: usize) -> Bound<'py, PyArray1<T>> {
@@ -200,9 +209,11 @@ fn channels(config: &Bound<'_, PyAny>) -> PyResult<Vec<(&'static str, f32, f32, 
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyBatch>()?;
+    module.add_class::<dynamics::PyChain>()?;
     module.add_function(wrap_pyfunction!(parameters, module)?)?;
     module.add_function(wrap_pyfunction!(resolve, module)?)?;
     module.add_function(wrap_pyfunction!(channels, module)?)?;
+    module.add_function(wrap_pyfunction!(dynamics::walker_joints_of, module)?)?;
     module.add("TERMS", TERMS.to_vec())?;
     module.add("REASONS", REASONS.to_vec())?;
     Ok(())
