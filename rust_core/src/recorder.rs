@@ -5,7 +5,7 @@ use crate::signals::GRAVITY;
 use crate::simulation::Simulation;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 42] = [
+pub const COLUMNS: [&str; 44] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -48,6 +48,8 @@ pub const COLUMNS: [&str; 42] = [
     "rotor_power_w",
     "electrical_power_w",
     "joule_power_w",
+    "ground_height_m",
+    "pendulum_foot_y_m",
 ];
 
 /// A foot strike, located in time by the stepper's events.
@@ -138,8 +140,8 @@ fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS
         plant.hip_torque(lane) / body.mass,
         device.extension_stop,
         device.flexion_stop,
-        plant.foot_point(&simulation.state, 0, lane).y,
-        plant.foot_point(&simulation.state, 1, lane).y,
+        plant.foot_height(&simulation.state, 0, lane),
+        plant.foot_height(&simulation.state, 1, lane),
         plant.contact(0, lane).normal / weight,
         plant.contact(1, lane).normal / weight,
         f64::from(memory.residual as u8),
@@ -158,5 +160,7 @@ fn row<const L: usize>(simulation: &Simulation<L>, lane: usize) -> [f64; COLUMNS
         motor.torque * rotor.rate,
         electrical,
         joule,
+        plant.ground_height(lane, motion.hip_x),
+        if grounded { memory.slip_foot_y } else { f64::NAN },
     ]
 }
