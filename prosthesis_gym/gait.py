@@ -29,7 +29,7 @@ class Stride:
     peak_swing_knee_deg: float
     #: Largest flexion in the first half of the residual foot's contact (in the second the knee flexes to push off).
     peak_stance_knee_deg: float
-    #: Largest hip height while the intact leg swings.
+    #: Largest hip height above the ground below while the intact leg swings.
     hip_peak_residual_stance_m: float
     #: Largest hip height while the intact leg stands and the residual foot is in the air.
     hip_peak_intact_stance_m: float
@@ -62,7 +62,8 @@ def stride_table(trial: Trial) -> list[Stride]:
 
 def _stride(trial: Trial, rows: NDArray[np.intp], *, begin_s: float, time_s: float, length_m: float) -> Stride:
     loaded = residual_contact(trial)[rows]
-    intact, knee, hip = (trial[name][rows] for name in ("intact_leg_state", "knee_angle_deg", "hip_y_m"))
+    intact, knee = (trial[name][rows] for name in ("intact_leg_state", "knee_angle_deg"))
+    hip = (trial["hip_y_m"] - trial["ground_height_m"])[rows]
     stop = trial["extension_stop_peak_nm"][rows]
     intact_swings, intact_stands = intact == INTACT_SWING, intact == INTACT_STANCE
     airborne = ~loaded

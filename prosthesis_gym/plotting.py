@@ -174,12 +174,12 @@ _SIGNALS: list[tuple[str, list[tuple[str, str, dict[str, Any]]]]] = [
 def _frames(axes: Axes, trial: Trial, shown: NDArray[np.bool_]) -> None:
     """Stick figures at 10 Hz, with the paths of hip, heel and ball."""
     paths = trial_skeleton(trial)
-    axes.axhline(0.0, color=BLACK, linewidth=0.8, zorder=1)
+    axes.plot(trial["hip_x_m"][shown], trial["ground_height_m"][shown], color=BLACK, linewidth=0.8, zorder=1)
     for name, colour, label in (("hip", BLUE, "hip"), ("ball", ORANGE, "toe"), ("heel", PURPLE, "heel")):
         axes.plot(*paths[name][shown].T, color=colour, linewidth=0.9, label=f"path of the {label}", zorder=4)
     frames = np.flatnonzero(shown)[:: round(_FRAME_S / CONTROL_PERIOD_S)]
     stands = frames[np.isfinite(trial["pendulum_foot_x_m"][frames])]
-    pendulum_foot = np.stack([trial["pendulum_foot_x_m"][stands], np.zeros(stands.size)], axis=-1)
+    pendulum_foot = np.stack([trial[f"pendulum_foot_{axis}_m"][stands] for axis in "xy"], axis=-1)
     pendulums = np.stack([paths["hip"][stands], pendulum_foot], axis=1)
     legs = np.stack([paths[name][frames] for name in ("trunk_top", "hip", "knee", "ankle")], axis=1)
     feet = np.stack([paths[name][frames] for name in ("ankle", "heel", "ball", "ankle")], axis=1)
@@ -192,7 +192,8 @@ def _frames(axes: Axes, trial: Trial, shown: NDArray[np.bool_]) -> None:
     corners = corners[np.isfinite(corners).all(axis=1)]  # a diverged trial ends in NaN
     left, right = corners[:, 0].min() - 0.1, corners[:, 0].max() + 0.1
     axes.set_xlim(left, max(right, left + _SHORTEST_WALK_M))
-    axes.set_ylim(min(-0.05, corners[:, 1].min()), 1.6)
+    highest_ground = np.nanmax(trial["ground_height_m"][shown], initial=0.0)
+    axes.set_ylim(min(-0.05, corners[:, 1].min()), highest_ground + 1.6)
     axes.set_xlabel("Distance (m)")
     axes.set_ylabel("Height (m)")
     _legend(axes)

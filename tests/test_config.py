@@ -22,6 +22,8 @@ from prosthesis_gym.config import Config, apply_settings, load_config, merge, re
         ({"body": {"trunk_mass_kg": float("inf")}}, "body.trunk_mass_kg = inf is outside"),
         ({"ground": {"friction": 0.0}}, "ground.friction = 0 is outside its allowed range (0, 10]"),
         ({"ground": {"damping_ns_m15": 0.0}}, "ground.damping_ns_m15 = 0 is outside its allowed range (0, "),
+        ({"ground": {"slope_deg": 45.0}}, "ground.slope_deg = 45 is outside its allowed range [-30, 30] deg"),
+        ({"ground": {"stair_rise_m": 0.1, "edge_m": 0.5}}, "ground.edge_m = 0.5 must not be longer than"),
         ({"scenario": {"speed_m_s": [1.5, 0.8]}}, "scenario.speed_m_s = [1.5, 0.8] is outside"),
         ({"scenario": {"speed_m_s": [0.8, 9.0]}}, "scenario.speed_m_s = 9 is outside"),
         ({"scenario": {"profile": [{"time_s": 0.0, "speed_m_s": 1.0}]}}, "scenario.profile[0]: missing field `walk`"),

@@ -22,12 +22,15 @@ def trajectory(config: Config, count: int, threads: int, seeds: NDArray[np.uint6
     return np.array(rows)
 
 
-@pytest.mark.parametrize("solver", [{}, REFERENCE_SOLVER], ids=["fast", "reference"])
-def test_a_batch_equals_its_environments_one_by_one(solver: Config) -> None:
+UNEVEN: Config = {"ground": {"slope_deg": -1.0, "stair_rise_m": 0.02, "roughness_m": 0.01}}
+
+
+@pytest.mark.parametrize("config", [{}, REFERENCE_SOLVER, UNEVEN], ids=["fast", "reference", "uneven ground"])
+def test_a_batch_equals_its_environments_one_by_one(config: Config) -> None:
     seeds = np.arange(21, dtype=np.uint64)
-    together = trajectory(solver, 21, 2, seeds)
+    together = trajectory(config, 21, 2, seeds)
     for index in (0, 7, 8, 13, 20):
-        alone = trajectory(solver, 1, 1, seeds[index : index + 1])
+        alone = trajectory(config, 1, 1, seeds[index : index + 1])
         np.testing.assert_array_equal(together[:, index], alone[:, 0])
 
 

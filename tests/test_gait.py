@@ -30,6 +30,7 @@ def synthetic(**changes: np.ndarray) -> Trial:
         "knee_angle_deg": np.interp(phase, [0.0, 0.15, 0.4, 0.6, 0.7, 1.0], [5.0, 20.0, 4.0, 40.0, 60.0, 5.0]),
         # Peaks of 0.91 m at 0.3 (intact leg swings) and 0.90 m at 0.8; 0.95 m at 0.55 with both feet on the ground.
         "hip_y_m": np.interp(phase, [0.0, 0.3, 0.5, 0.55, 0.6, 0.8, 1.0], [0.86, 0.91, 0.86, 0.95, 0.86, 0.90, 0.86]),
+        "ground_height_m": np.zeros_like(time),
         "extension_stop_peak_nm": np.select(
             [np.abs(phase - 0.4) < 0.02, np.abs(phase - 0.9) < 0.02], [70.0, 12.0], 0.0
         ),
@@ -92,6 +93,15 @@ def test_summary_and_json_agree_with_the_strides() -> None:
     assert content["summary"]["speed_m_s"]["mean"] == pytest.approx(1.2)
     assert content["summary"]["speed_m_s"]["sd"] == pytest.approx(0.0, abs=1e-12)
     assert "heel_strike_s" not in content["summary"]
+
+
+def test_hip_height_is_measured_from_the_ground_below() -> None:
+    level = synthetic()
+    climbing = np.linspace(0.0, 2.0, level["time_s"].size)
+    uphill = synthetic(hip_y_m=level["hip_y_m"] + climbing, ground_height_m=climbing)
+    for on_level, on_slope in zip(stride_table(level), stride_table(uphill), strict=True):
+        assert on_slope.hip_peak_residual_stance_m == pytest.approx(on_level.hip_peak_residual_stance_m)
+        assert on_slope.hip_peak_intact_stance_m == pytest.approx(on_level.hip_peak_intact_stance_m)
 
 
 def test_steady_strides_follow_others_at_the_same_intended_speed() -> None:

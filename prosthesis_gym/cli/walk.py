@@ -8,6 +8,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.cli.parsers import Commands, new_parser
 from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
@@ -21,6 +22,7 @@ examples:
   prosthesis-gym walk                                  from standing to 1.1 m/s, 10 s
   prosthesis-gym walk --profile trial40 --plot trial40.png
   prosthesis-gym walk --speed 1.3 --duration 20 --set knee.spring_nm_rad=1
+  prosthesis-gym walk --mass 60 --height 1.65 --set ground.slope_deg=2
   prosthesis-gym walk --start cyclic --controller constant:0 --out no_damper.csv
   prosthesis-gym walk --profile my_speeds.csv --json > strides.json
   prosthesis-gym walk --device motor --duration 12 --window 3.52 9.24
@@ -44,7 +46,8 @@ DEFAULTS: dict[str, Any] = {
 }
 #: What `constant:VALUE` sets, by device.
 _CONSTANT = {"damper": "constant_nms2_rad2", "motor": "constant_a"}
-_SOLVERS = {"fast": {"solver": {"stepper": "linearly_implicit_euler", "steps": 5}}, "reference": REFERENCE_SOLVER}
+#: Configurations of `--solver`.
+SOLVERS = {"fast": {"solver": {"stepper": "linearly_implicit_euler", "steps": 5}}, "reference": REFERENCE_SOLVER}
 
 #: Columns of the printed table: heading, measure, decimals.
 _COLUMNS = (
@@ -74,9 +77,11 @@ def add_parser(commands: Commands) -> None:
     )
     add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a profile")
     add("--profile", metavar="NAME|FILE", help=f"intent over time: {', '.join(PROFILES)}, or a file")
+    add("--mass", type=float, metavar="KG", help="mass of human and prosthesis (default: 75)")
+    add("--height", type=float, metavar="M", help="body height (default: 1.77)")
     add("--start", choices=["standing", "cyclic"], help="default: standing, intent to walk from 1 s")
     add("--duration", type=float, metavar="S", help="length of the trial (default: 10, or the profile's)")
-    add("--solver", choices=sorted(_SOLVERS), help="reference: converged (default); fast: as in training")
+    add("--solver", choices=sorted(SOLVERS), help="reference: converged (default); fast: as in training")
     add("--seed", type=int, default=0, metavar="N", help="of whatever the configuration leaves to chance (default: 0)")
     add("--config", type=Path, metavar="FILE", help="TOML file with any part of the configuration")
     add("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help="any parameter (repeatable)")
@@ -131,6 +136,8 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
     config = merge(DEFAULTS, {"device": {"kind": arguments.device}})
     if arguments.config:
         config = merge(config, load_config(arguments.config))
+    if arguments.mass is not None or arguments.height is not None:
+        config = merge(config, scaled_body(arguments.mass, arguments.height))
     if arguments.profile is not None:
         config = merge(config, {"scenario": load_profile(arguments.profile)})
     scenario: dict[str, Any] = {}
@@ -142,7 +149,7 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
         scenario["duration_s"] = arguments.duration
     config = merge(config, {"scenario": scenario})
     if arguments.solver is not None:
-        config = merge(config, _SOLVERS[arguments.solver])
+        config = merge(config, SOLVERS[arguments.solver])
     action, policy = _controller(arguments.controller, arguments.device)
     if policy is not None:
         for setting in arguments.settings:

@@ -2,10 +2,10 @@
 
 use crate::lanes::lanes;
 use crate::math::{max, select};
-use crate::params::{above, params};
+use crate::params::{above, params, within};
 
 params! {
-    /// Ground and foot-sole compliance (section 3.3).
+    /// Ground and foot-sole compliance (section 3.3), and the ground's profile (the paper's is level).
     pub struct GroundParams {
         /// Normal and tangential stiffness K (section 3.3).
         stiffness_n_m15: f64 = 2e5, "N/m^1.5", above(0.0, 1e8);
@@ -13,6 +13,28 @@ params! {
         damping_ns_m15: f64 = 2e4, "N s/m^1.5", above(0.0, 1e7);
         /// Coulomb friction coefficient (section 3.3).
         friction: f64 = 0.5, "1", above(0.0, 10.0);
+        /// Slope of the whole ground, uphill positive; it passes through the start.
+        slope_deg: f64 = 0.0, "deg", within(-30.0, 30.0);
+        /// Height of a single step; negative steps down.
+        step_height_m: f64 = 0.0, "m", within(-1.0, 1.0);
+        /// Place of the single step.
+        step_x_m: f64 = 3.0, "m", within(-1e4, 1e4);
+        /// Distance over which the single step and every stair rise, so that the height is continuous; long for a ramp.
+        edge_m: f64 = 0.02, "m", within(1e-3, 1e3);
+        /// Height of each stair; negative stairs lead down.
+        stair_rise_m: f64 = 0.0, "m", within(-0.5, 0.5);
+        /// Distance between two risers.
+        stair_run_m: f64 = 0.3, "m", within(0.05, 100.0);
+        /// Place of the first riser.
+        stair_start_x_m: f64 = 3.0, "m", within(-1e4, 1e4);
+        /// Number of stairs.
+        stair_count: usize = 10, "", within(1.0, 10_000.0);
+        /// Amplitude of the roughness, which no point of it exceeds.
+        roughness_m: f64 = 0.0, "m", within(0.0, 0.5);
+        /// Longest wavelength of the roughness; the other three are shorter by powers of the golden ratio, down to 0.24.
+        roughness_length_m: f64 = 1.0, "m", within(0.1, 100.0);
+        /// Seed of the roughness's phases: the same seed, the same ground.
+        roughness_seed: usize = 0, "", within(0.0, 4_294_967_295.0);
     }
 }
 
@@ -55,6 +77,8 @@ lanes! {
 }
 
 /// Contact force at a point of the given height above ground, velocity and tangential deformation (section 3.3).
+///
+/// On a slope all of them are those along and across the surface.
 #[inline(always)]
 pub fn contact(ground: &Ground, height: f64, vx: f64, vy: f64, deformation: f64) -> Contact {
     let depth = max(-height, 0.0);

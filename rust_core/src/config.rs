@@ -156,6 +156,13 @@ impl Config {
                 body.ball_x_m, body.heel_x_m
             )));
         }
+        let ground = &self.ground;
+        if ground.stair_rise_m != 0.0 && ground.edge_m > ground.stair_run_m {
+            return Err(Error::Invalid(format!(
+                "ground.edge_m = {} must not be longer than ground.stair_run_m = {}",
+                ground.edge_m, ground.stair_run_m
+            )));
+        }
         Ok(())
     }
 }

@@ -266,7 +266,7 @@ impl<const L: usize> Environments<L> {
         let simulation = &self.simulation;
         let motion = simulation.state.motion.get(lane);
         let posture = Posture {
-            hip_height: motion.hip_y,
+            hip_height: simulation.plant.hip_height(&simulation.state, lane),
             knee_flexion: motion.thigh - motion.shank,
             ankle: motion.foot - motion.shank - simulation.plant.body(lane).foot_mount,
             checksum: simulation.checksum(lane),

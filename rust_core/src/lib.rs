@@ -32,6 +32,7 @@ pub mod prosthesis_device;
 pub mod scenario;
 pub mod sensors;
 pub mod simulation;
+pub mod terrain;
 
 pub mod batch;
 pub mod config;

@@ -30,6 +30,12 @@ pub fn clamp(x: f64, low: f64, high: f64) -> f64 {
 /// Adding and subtracting it rounds |x| < 2^51 to the nearest integer, which then stands in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 
+/// The largest integer below or at `x` for |x| < 2^50, or below it by 1 where `x` is an integer itself.
+#[inline(always)]
+pub fn floor(x: f64) -> f64 {
+    (x - 0.5 + ROUND) - ROUND
+}
+
 /// (sin x, cos x) for |x| < 1e5, to 1 ulp or so: Cody-Waite reduction by pi/2 and the polynomials of fdlibm.
 #[inline(always)]
 pub fn sin_cos(x: f64) -> (f64, f64) {
@@ -154,6 +160,14 @@ mod tests {
 
     fn sweep(low: f64, high: f64) -> impl Iterator<Item = f64> {
         (0..=100_000).map(move |i| low + (high - low) * f64::from(i) / 100_000.0)
+    }
+
+    #[test]
+    fn floor_agrees_with_std_but_for_integers() {
+        for x in sweep(-50.3, 950.1) {
+            assert!(floor(x) == x.floor() || x == x.floor() && floor(x) == x - 1.0, "{x}");
+        }
+        assert!((0..1000).map(f64::from).all(|x| floor(x) == x || floor(x) == x - 1.0));
     }
 
     #[test]

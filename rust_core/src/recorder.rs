@@ -7,7 +7,7 @@ use crate::signals::{CONTROL_PERIOD_S, GRAVITY};
 use crate::simulation::Simulation;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 43] = [
+pub const COLUMNS: [&str; 45] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -51,6 +51,8 @@ pub const COLUMNS: [&str; 43] = [
     "electrical_power_w",
     "joule_power_w",
     "gear_power_w",
+    "ground_height_m",
+    "pendulum_foot_y_m",
 ];
 
 /// A foot strike, located in time by the stepper's events.
@@ -153,8 +155,8 @@ fn row<const L: usize>(
         plant.hip_torque(lane) / body.mass,
         device.extension_stop,
         device.flexion_stop,
-        plant.foot_point(&simulation.state, 0, lane).y,
-        plant.foot_point(&simulation.state, 1, lane).y,
+        plant.foot_height(&simulation.state, 0, lane),
+        plant.foot_height(&simulation.state, 1, lane),
         plant.contact(0, lane).normal / weight,
         plant.contact(1, lane).normal / weight,
         f64::from(memory.residual as u8),
@@ -174,5 +176,7 @@ fn row<const L: usize>(
         electrical_power,
         joule_power,
         knee_power,
+        plant.ground_height(lane, motion.hip_x),
+        if grounded { memory.slip_foot_y } else { f64::NAN },
     ]
 }

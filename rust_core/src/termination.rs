@@ -5,7 +5,7 @@ use crate::params::{params, within};
 params! {
     /// Limits beyond which an episode ends.
     pub struct TerminationParams {
-        /// Hip height below which the walker has fallen.
+        /// Hip height above the ground below which the walker has fallen.
         hip_height_m: f64 = 0.6, "m", within(0.0, 1.5);
         /// Knee hyperextension that ends an episode (the stop's rubber is gone).
         knee_hyperextension_deg: f64 = 5.0, "deg", within(0.0, 90.0);

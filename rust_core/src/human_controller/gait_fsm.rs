@@ -71,6 +71,8 @@ pub struct Memory {
     pub slip_damping: f64,
     /// Pendulum foot, m.
     pub slip_foot_x: f64,
+    /// Height of the ground under the pendulum foot, m.
+    pub slip_foot_y: f64,
     /// Speed over the last full cycle, updated at either heel strike, m/s.
     pub ambulation_speed: f64,
     /// Residual heel strikes so far.
@@ -100,7 +102,7 @@ lanes! {
 pub struct Percept {
     /// Time, s.
     pub time: f64,
-    /// Hip height above ground, m.
+    /// Hip height above the ground that the intact leg would touch down on, m.
     pub hip_y: f64,
     /// Heel normal force, N.
     pub heel_force: f64,
@@ -267,6 +269,7 @@ impl Memory {
             hip_limit: human.mass * if standing { params.standing_hip_limit_nm_kg } else { params.hip_limit_nm_kg },
             touch_down: self.touch_down,
             slip_foot_x: self.slip_foot_x,
+            slip_foot_y: self.slip_foot_y,
             ..Drive::default()
         };
         match self.intact {

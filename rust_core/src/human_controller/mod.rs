@@ -155,6 +155,8 @@ lanes! {
         slip_damping: f64,
         /// Pendulum foot x_p0, m.
         slip_foot_x: f64,
+        /// Height of the ground under it, m.
+        slip_foot_y: f64,
         /// Constant forward force, N.
         thrust: f64,
         /// Forward force per backward hip velocity, N s/m.

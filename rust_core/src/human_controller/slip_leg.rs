@@ -21,9 +21,9 @@ lanes! {
 /// F_p carries the sign that resists compression (the paper prints the opposite).
 #[inline(always)]
 pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f64, time: f64) -> TrunkForce {
-    let dx = x - drive.slip_foot_x;
-    let length = (dx * dx + y * y).sqrt();
-    let (sine, cosine) = (dx / length, y / length);
+    let (dx, dy) = (x - drive.slip_foot_x, y - drive.slip_foot_y);
+    let length = (dx * dx + dy * dy).sqrt();
+    let (sine, cosine) = (dx / length, dy / length);
     let length_rate = sine * vx + cosine * vy;
     let pendulum = drive.slip_stiffness * (human.leg_length - length) - drive.slip_damping * length_rate;
 

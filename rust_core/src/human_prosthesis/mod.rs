@@ -8,13 +8,14 @@
 //!  command ─> prosthesis device ────────────── knee and ankle torque ───────┘
 //! ```
 
+mod footing;
 mod outputs;
 mod start;
 
 pub use outputs::{POWERS, SpecificForce};
 pub use start::Start;
 
-use crate::compliant_ground::{self, Contact, ContactLanes, Ground, GroundLanes};
+use crate::compliant_ground::{ContactLanes, Ground, GroundLanes};
 use crate::config::Config;
 use crate::human_controller::gait_fsm::{self, GuardLanes, Memory, Percept};
 use crate::human_controller::intent::Profile;
@@ -23,7 +24,7 @@ use crate::human_controller::slip_leg::{self, TrunkForceLanes};
 use crate::human_controller::{Drive, DriveLanes, Human, HumanLanes, HumanParams, LegGeometry};
 use crate::hybrid_dynamics::body::{Body, BodyLanes};
 use crate::hybrid_dynamics::walker::{
-    self, AccelerationLanes, JointTorque, KinematicsLanes, Loads, Motion, MotionLanes, Point, PointForce, Prescribed,
+    self, AccelerationLanes, JointTorque, KinematicsLanes, Loads, Motion, MotionLanes, Point, Prescribed,
     PrescribedLanes,
 };
 use crate::integrator::{HybridFlow, StateVector};
@@ -33,6 +34,7 @@ use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes, extension_stop, 
 use crate::prosthesis_device::geared_motor::RotorLanes;
 use crate::prosthesis_device::passive_ankle::{Ankle, AnkleLanes, ankle_torque};
 use crate::prosthesis_device::{JointMotion, JointMotionLanes, KneeUnit, UnitTorque, UnitTorqueLanes};
+use crate::terrain::{Surface, SurfaceLanes, Terrain, TerrainLanes};
 
 /// Contact points, in the order of every array over them.
 pub const CONTACT_POINTS: usize = 4;
@@ -126,6 +128,9 @@ pub struct HumanProsthesis<const L: usize> {
     // Constants.
     body: BodyLanes<L>,
     ground: GroundLanes<L>,
+    terrain: TerrainLanes<L>,
+    /// Whether all of the block's ground is level, as the paper's.
+    level: bool,
     human: HumanLanes<L>,
     /// Knee unit.
     pub unit: KneeUnit<L>,
@@ -148,6 +153,10 @@ pub struct HumanProsthesis<const L: usize> {
     // Signals of the last evaluation.
     kinematics: KinematicsLanes<L>,
     contacts: [ContactLanes<L>; CONTACT_POINTS],
+    /// Ground below each contact point; never touched on level ground.
+    surfaces: [SurfaceLanes<L>; CONTACT_POINTS],
+    /// Height of the ground where the intact leg would touch down, m.
+    ground_ahead: [f64; L],
     fall_contact: bool,
     trunk_force: TrunkForceLanes<L>,
     midfoot: [f64; L],
@@ -174,9 +183,12 @@ impl<const L: usize> HumanProsthesis<L> {
             touch_down_height: -(kin.thigh_y + kin.shank_y + kin.heel_y),
             foot_length: body.ball_x - body.heel_x,
         });
+        let terrain = Terrain::from(&params.ground);
         Self {
             body: BodyLanes::splat(body),
             ground: GroundLanes::splat(Ground::from(&params.ground)),
+            terrain: TerrainLanes::splat(terrain),
+            level: terrain.is_level(),
             human: HumanLanes::splat(human),
             unit: KneeUnit::new(&params.device, &params.knee, &params.motor),
             end_stop: EndStopLanes::splat(EndStop::from(&params.end_stop)),
@@ -191,6 +203,8 @@ impl<const L: usize> HumanProsthesis<L> {
             guard: GuardLanes::default(),
             kinematics: KinematicsLanes::default(),
             contacts: std::array::from_fn(|_| ContactLanes::default()),
+            surfaces: std::array::from_fn(|_| SurfaceLanes::splat(Surface::LEVEL)),
+            ground_ahead: [0.0; L],
             fall_contact: false,
             trunk_force: TrunkForceLanes::default(),
             midfoot: [0.0; L],
@@ -211,56 +225,72 @@ impl<const L: usize> HumanProsthesis<L> {
     }
 
     #[inline(always)]
-    fn loads(&self, lane: usize) -> Loads {
+    fn loads<const LEVEL: bool>(&self, lane: usize) -> Loads {
         let device = self.device.get(lane);
         let hip = self.hip_torque.get(lane);
         let trunk = self.trunk_force.get(lane);
         let ankle = self.ankle.get(lane);
-        let [heel, ball, knee, hip_contact] = std::array::from_fn(|point| self.contacts[point].get(lane));
-        let foot_force = |contact: Contact| PointForce {
-            x: contact.tangential,
-            y: contact.normal,
-            damping_x: contact.tangential_damping,
-            damping_y: contact.normal_damping,
-            stiffness_x: contact.tangential_stiffness,
-            stiffness_y: contact.normal_stiffness,
-        };
+        let [heel, ball, knee, hip_contact] = self.ground_forces::<LEVEL>(lane);
         Loads {
-            trunk_x: trunk.x + self.push_x[lane] + hip_contact.tangential,
-            trunk_y: trunk.y + hip_contact.normal,
-            knee_x: knee.tangential,
-            knee_y: knee.normal,
+            trunk_x: trunk.x + self.push_x[lane] + hip_contact.x,
+            trunk_y: trunk.y + hip_contact.y,
+            knee_x: knee.x,
+            knee_y: knee.y,
             hip: JointTorque { torque: hip.torque, damping: hip.damping, stiffness: hip.stiffness },
             hip_error_rate: hip.error_rate,
             knee: JointTorque { torque: device.knee, damping: device.knee_damping, stiffness: device.knee_stiffness },
             ankle: JointTorque { torque: device.ankle, damping: ankle.damping, stiffness: ankle.stiffness },
-            heel: foot_force(heel),
-            ball: foot_force(ball),
+            heel,
+            ball,
         }
     }
 
+    /// Hybrid dynamics, and the rates of the state that follow from it.
     #[inline(always)]
-    fn sense_fall(&mut self, state: &State<L>) {
-        // NaN is not above: what a diverged walker leaves behind must be recomputed once its lane starts anew.
-        let above = |lane: usize| {
-            let hip_y = state.motion.hip_y[lane];
-            (hip_y > 0.0) & (hip_y + self.kinematics.thigh_y[lane] > 0.0)
-        };
-        let falls = !(0..L).all(above);
-        if !(falls || self.fall_contact) {
-            return; // Contacts above ground are zero already; skipping them changes no result.
-        }
-        self.fall_contact = falls;
+    fn move_on<const LEVEL: bool>(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
         for lane in 0..L {
-            let ground = self.ground.get(lane);
+            let acceleration = walker::acceleration::<LEVEL>(
+                &self.body.get(lane),
+                &self.kinematics.get(lane),
+                &state.motion.get(lane),
+                &self.prescribed.get(lane),
+                &self.loads::<LEVEL>(lane),
+                implicit_step[lane],
+            );
+            self.acceleration.set(lane, acceleration);
+        }
+        let flexion_acceleration =
+            std::array::from_fn(|lane| self.acceleration.thigh[lane] - self.acceleration.shank[lane]);
+        self.unit.rates(&self.joint, &state.rotor, &flexion_acceleration, implicit_step, &mut rates.rotor);
+        // Rates of the state; an implicit step moves with the velocity at its end.
+        for lane in 0..L {
+            let step = implicit_step[lane];
             let motion = state.motion.get(lane);
-            let kin = self.kinematics.get(lane);
-            let knee = walker::knee_point(&motion, &kin);
-            let hip = hip_point(&motion);
-            let knee_contact = compliant_ground::contact(&ground, knee.y, knee.vx, knee.vy, state.rest.knee[lane]);
-            let hip_contact = compliant_ground::contact(&ground, hip.y, hip.vx, hip.vy, state.rest.hip[lane]);
-            self.contacts[KNEE].set(lane, knee_contact);
-            self.contacts[HIP].set(lane, hip_contact);
+            let acceleration = self.acceleration.get(lane);
+            let end = Motion {
+                hip_vx: motion.hip_vx + step * acceleration.hip_x,
+                hip_vy: motion.hip_vy + step * acceleration.hip_y,
+                thigh_rate: motion.thigh_rate + step * acceleration.thigh,
+                shank_rate: motion.shank_rate + step * acceleration.shank,
+                foot_rate: motion.foot_rate + step * acceleration.foot,
+                ..motion
+            };
+            rates.motion.set(
+                lane,
+                Motion {
+                    hip_x: end.hip_vx,
+                    hip_y: end.hip_vy,
+                    thigh: end.thigh_rate,
+                    shank: end.shank_rate,
+                    foot: end.foot_rate,
+                    hip_vx: acceleration.hip_x,
+                    hip_vy: acceleration.hip_y,
+                    thigh_rate: acceleration.thigh,
+                    shank_rate: acceleration.shank,
+                    foot_rate: acceleration.foot,
+                },
+            );
+            rates.rest.set(lane, self.deformation_rates::<LEVEL>(state, lane, &end, step));
         }
     }
 
@@ -277,6 +307,7 @@ impl<const L: usize> HumanProsthesis<L> {
         let speed = self.profile[lane].speed(time);
         let walks = self.intent[lane] > 0.5;
         self.memory[lane].transition(&human, &self.human_params, time, motion.hip_x, speed, walks);
+        self.memory[lane].slip_foot_y = self.ground_height(lane, self.memory[lane].slip_foot_x);
         self.refresh_drive(lane);
         // The pendulum force follows from the new drive; kinematics and contacts stay as sensed.
         self.sense_trunk_force(state, lane);
@@ -301,7 +332,7 @@ impl<const L: usize> HumanProsthesis<L> {
     fn percept(&self, state: &State<L>, lane: usize) -> Percept {
         Percept {
             time: state.rest.time[lane],
-            hip_y: state.motion.hip_y[lane],
+            hip_y: state.motion.hip_y[lane] - self.ground_ahead[lane],
             heel_force: self.contacts[HEEL].normal[lane],
             pendulum: self.trunk_force.pendulum[lane],
             midfoot: self.midfoot[lane],
@@ -320,22 +351,16 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
             let kin = walker::kinematics(&self.body.get(lane), &motion, state.reference.trunk[lane]);
             self.kinematics.set(lane, kin);
         }
-        for lane in 0..L {
-            let motion = state.motion.get(lane);
-            let kin = self.kinematics.get(lane);
-            let ground = self.ground.get(lane);
-            let heel = walker::foot_point(&motion, &kin, kin.heel_x, kin.heel_y);
-            let ball = walker::foot_point(&motion, &kin, kin.ball_x, kin.ball_y);
-            let heel_contact = compliant_ground::contact(&ground, heel.y, heel.vx, heel.vy, state.rest.heel[lane]);
-            let ball_contact = compliant_ground::contact(&ground, ball.y, ball.vx, ball.vy, state.rest.ball[lane]);
-            self.contacts[HEEL].set(lane, heel_contact);
-            self.contacts[BALL].set(lane, ball_contact);
-            self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
+        if self.level {
+            self.sense_feet::<true>(state);
+            self.sense_fall::<true>(state);
+        } else {
+            self.sense_feet::<false>(state);
+            self.sense_fall::<false>(state);
         }
         for lane in 0..L {
             self.sense_trunk_force(state, lane);
         }
-        self.sense_fall(state);
         for lane in 0..L {
             let motion = state.motion.get(lane);
             let flexion = motion.thigh - motion.shank;
@@ -388,65 +413,10 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
             self.device.set(lane, torque);
             self.extension_stop_peak[lane] = crate::math::max(torque.extension_stop, self.extension_stop_peak[lane]);
         }
-        // Hybrid dynamics.
-        for lane in 0..L {
-            let acceleration = walker::acceleration(
-                &self.body.get(lane),
-                &self.kinematics.get(lane),
-                &state.motion.get(lane),
-                &self.prescribed.get(lane),
-                &self.loads(lane),
-                implicit_step[lane],
-            );
-            self.acceleration.set(lane, acceleration);
-        }
-        let flexion_acceleration =
-            std::array::from_fn(|lane| self.acceleration.thigh[lane] - self.acceleration.shank[lane]);
-        self.unit.rates(&self.joint, &state.rotor, &flexion_acceleration, implicit_step, &mut rates.rotor);
-        // Rates of the state; an implicit step moves with the velocity at its end.
-        for lane in 0..L {
-            let step = implicit_step[lane];
-            let motion = state.motion.get(lane);
-            let acceleration = self.acceleration.get(lane);
-            let end = Motion {
-                hip_vx: motion.hip_vx + step * acceleration.hip_x,
-                hip_vy: motion.hip_vy + step * acceleration.hip_y,
-                thigh_rate: motion.thigh_rate + step * acceleration.thigh,
-                shank_rate: motion.shank_rate + step * acceleration.shank,
-                foot_rate: motion.foot_rate + step * acceleration.foot,
-                ..motion
-            };
-            rates.motion.set(
-                lane,
-                Motion {
-                    hip_x: end.hip_vx,
-                    hip_y: end.hip_vy,
-                    thigh: end.thigh_rate,
-                    shank: end.shank_rate,
-                    foot: end.foot_rate,
-                    hip_vx: acceleration.hip_x,
-                    hip_vy: acceleration.hip_y,
-                    thigh_rate: acceleration.thigh,
-                    shank_rate: acceleration.shank,
-                    foot_rate: acceleration.foot,
-                },
-            );
-            let ground = self.ground.get(lane);
-            let kin = self.kinematics.get(lane);
-            let deformation = state.rest.get(lane);
-            let follow = |point: usize, deformation: f64, vx: f64| {
-                compliant_ground::deformation_rate(&ground, &self.contacts[point].get(lane), deformation, vx, step)
-            };
-            rates.rest.set(
-                lane,
-                Rest {
-                    time: 1.0,
-                    heel: follow(HEEL, deformation.heel, walker::foot_point(&end, &kin, kin.heel_x, kin.heel_y).vx),
-                    ball: follow(BALL, deformation.ball, walker::foot_point(&end, &kin, kin.ball_x, kin.ball_y).vx),
-                    knee: follow(KNEE, deformation.knee, walker::knee_point(&end, &kin).vx),
-                    hip: follow(HIP, deformation.hip, end.hip_vx),
-                },
-            );
+        if self.level {
+            self.move_on::<true>(state, implicit_step, rates);
+        } else {
+            self.move_on::<false>(state, implicit_step, rates);
         }
     }
 

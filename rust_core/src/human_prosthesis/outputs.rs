@@ -56,16 +56,22 @@ impl<const L: usize> HumanProsthesis<L> {
         &self.memory[lane]
     }
 
-    /// Ground contact of point `point` in `lane` (0 heel, 1 ball).
+    /// Ground contact of point `point` in `lane` (0 heel, 1 ball), along and across the surface below it.
     pub fn contact(&self, point: usize, lane: usize) -> Contact {
         self.contacts[point].get(lane)
     }
 
-    /// Height, position and velocity of heel (0) or ball (1).
+    /// Position and velocity of heel (0) or ball (1).
     pub fn foot_point(&self, state: &State<L>, point: usize, lane: usize) -> Point {
         let kin = self.kinematics.get(lane);
         let (x, y) = if point == HEEL { (kin.heel_x, kin.heel_y) } else { (kin.ball_x, kin.ball_y) };
         walker::foot_point(&state.motion.get(lane), &kin, x, y)
+    }
+
+    /// Height of heel (0) or ball (1) above the ground below it, m.
+    pub fn foot_height(&self, state: &State<L>, point: usize, lane: usize) -> f64 {
+        let point = self.foot_point(state, point, lane);
+        point.y - self.ground_height(lane, point.x)
     }
 
     /// Hip torque tau_4, N m.
@@ -111,7 +117,7 @@ impl<const L: usize> HumanProsthesis<L> {
             &self.kinematics.get(lane),
             &state.motion.get(lane),
             &self.prescribed.get(lane),
-            &self.loads(lane),
+            &self.loads::<false>(lane),
             &self.acceleration.get(lane),
         )
     }
@@ -173,9 +179,12 @@ impl<const L: usize> HumanProsthesis<L> {
             walker::knee_point(&motion, &kin),
             hip_point(&motion),
         ];
-        let over_points = |power: fn(&Contact, &Point) -> f64| -> f64 {
-            self.contacts.iter().zip(&points).map(|(contact, point)| power(&contact.get(lane), point)).sum()
-        };
+        let contacts = self.contacts.iter().zip(&self.surfaces).zip(&points).map(|((contact, surface), point)| {
+            let (along, across) = surface.get(lane).along_and_across(point.vx, point.vy);
+            (contact.normal[lane] * across, contact.tangential[lane] * along)
+        });
+        let (contact_normal, contact_tangential) =
+            contacts.fold((0.0, 0.0), |sum, power| (sum.0 + power.0, sum.1 + power.1));
         [
             self.hip_torque.torque[lane] * (motion.thigh_rate - prescribed.rate),
             self.reactions(state, lane).trunk_torque * prescribed.rate,
@@ -187,8 +196,8 @@ impl<const L: usize> HumanProsthesis<L> {
             -device.extension_stop * knee_rate,
             device.flexion_stop * knee_rate,
             device.ankle * (motion.foot_rate - motion.shank_rate),
-            over_points(|contact, point| contact.normal * point.vy),
-            over_points(|contact, point| contact.tangential * point.vx),
+            contact_normal,
+            contact_tangential,
         ]
     }
 }

@@ -39,10 +39,13 @@ impl<const L: usize> HumanProsthesis<L> {
             }
         };
         let kin = walker::kinematics(&body, &motion, reference.trunk);
-        let leg_y = kin.thigh_y + kin.shank_y;
+        let (leg_x, leg_y) = (kin.thigh_x + kin.shank_x, kin.thigh_y + kin.shank_y);
+        // Hip heights that put heel and ball on the ground.
+        let heel = self.ground_height(lane, leg_x + kin.heel_x) - (leg_y + kin.heel_y);
+        let ball = self.ground_height(lane, leg_x + kin.ball_x) - (leg_y + kin.ball_y);
         motion.hip_y = match start {
-            Start::Standing => -STANDING_DEPTH - (leg_y + kin.heel_y.min(kin.ball_y)),
-            Start::Cyclic => -(leg_y + kin.heel_y),
+            Start::Standing => heel.max(ball) - STANDING_DEPTH,
+            Start::Cyclic => heel,
         };
         reference.trunk_rate = 0.0;
         state.motion.set(lane, motion);

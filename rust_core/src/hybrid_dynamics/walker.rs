@@ -172,20 +172,24 @@ lanes! {
 }
 
 lanes! {
-    /// Force on a point with its derivatives, for implicit steps.
+    /// Force on a point with its derivatives along (x) and across (y) the surface that it touches, for implicit steps.
     pub struct PointForce, PointForceLanes {
         /// Forward, N.
         x: f64,
         /// Up, N.
         y: f64,
-        /// -dx/dvx, N s/m.
+        /// Damping along the surface, N s/m.
         damping_x: f64,
-        /// -dy/dvy, N s/m.
+        /// Damping across the surface, N s/m.
         damping_y: f64,
-        /// -dx/d displacement, N/m.
+        /// Stiffness along the surface, N/m.
         stiffness_x: f64,
-        /// -dy/d height, N/m.
+        /// Stiffness across the surface, N/m.
         stiffness_y: f64,
+        /// Sine of the surface's angle, positive uphill.
+        sin: f64,
+        /// Its cosine.
+        cos: f64,
     }
 }
 
@@ -235,9 +239,10 @@ type Matrix = [[f64; COORDINATES]; COORDINATES];
 
 /// Mean acceleration over a linearly implicit step of length `step`; with `step = 0` the acceleration itself.
 ///
-/// Solves `(M + h D + h^2 K) a = f - h K v`, D and K the damping and stiffness of joints and contacts.
+/// Solves `(M + h D + h^2 K) a = f - h K v`, D and K the damping and stiffness of joints and contacts. `LEVEL` promises
+/// that the contacts' surfaces are level, which saves turning them.
 #[inline(always)]
-pub fn acceleration(
+pub fn acceleration<const LEVEL: bool>(
     body: &Body,
     kin: &Kinematics,
     motion: &Motion,
@@ -307,10 +312,18 @@ pub fn acceleration(
 
     for (point, arm_x, arm_y) in [(&loads.heel, kin.heel_x, kin.heel_y), (&loads.ball, kin.ball_x, kin.ball_y)] {
         let velocity = foot_point(motion, kin, arm_x, arm_y);
-        let x = point.x - step * point.stiffness_x * velocity.vx;
-        let y = point.y - step * point.stiffness_y * velocity.vy;
-        let row_x = [1.0, 0.0, -kin.thigh_y, -kin.shank_y, -arm_y];
-        let row_y = [0.0, 1.0, kin.thigh_x, kin.shank_x, arm_x];
+        let mut row_x = [1.0, 0.0, -kin.thigh_y, -kin.shank_y, -arm_y];
+        let mut row_y = [0.0, 1.0, kin.thigh_x, kin.shank_x, arm_x];
+        let (mut x, mut y, mut vx, mut vy) = (point.x, point.y, velocity.vx, velocity.vy);
+        if !LEVEL {
+            let turned = |x: f64, y: f64| (point.cos * x + point.sin * y, point.cos * y - point.sin * x);
+            ((x, y), (vx, vy)) = (turned(x, y), turned(vx, vy));
+            for i in 0..COORDINATES {
+                (row_x[i], row_y[i]) = turned(row_x[i], row_y[i]);
+            }
+        }
+        x -= step * point.stiffness_x * vx;
+        y -= step * point.stiffness_y * vy;
         let implicit_x = implicit(point.damping_x, point.stiffness_x);
         let implicit_y = implicit(point.damping_y, point.stiffness_y);
         for i in 0..COORDINATES {

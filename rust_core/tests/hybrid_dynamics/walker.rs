@@ -2,7 +2,7 @@
 
 use prosthesis_gym_core::hybrid_dynamics::body::Body;
 use prosthesis_gym_core::hybrid_dynamics::walker::{
-    self, Acceleration, JointTorque, Loads, Motion, PointForce, Prescribed,
+    self, Acceleration, JointTorque, Loads, Motion, Point, PointForce, Prescribed,
 };
 
 use super::*;
@@ -45,13 +45,18 @@ fn random_loads(random: &mut Pcg64) -> Loads {
         damping: to(100.0).abs(),
         stiffness: to(2000.0).abs(),
     };
-    let force = |to: &mut dyn FnMut(f64) -> f64| PointForce {
-        x: to(400.0),
-        y: to(1000.0),
-        damping_x: to(3000.0).abs(),
-        damping_y: to(3000.0).abs(),
-        stiffness_x: to(3e4).abs(),
-        stiffness_y: to(3e4).abs(),
+    let force = |to: &mut dyn FnMut(f64) -> f64| {
+        let (sin, cos) = to(1.0).sin_cos();
+        PointForce {
+            x: to(400.0),
+            y: to(1000.0),
+            damping_x: to(3000.0).abs(),
+            damping_y: to(3000.0).abs(),
+            stiffness_x: to(3e4).abs(),
+            stiffness_y: to(3e4).abs(),
+            sin,
+            cos,
+        }
     };
     Loads {
         trunk_x: to(500.0),
@@ -98,7 +103,7 @@ fn the_specialised_walker_is_the_general_chain_of_table_1() {
         let loads = random_loads(&mut random);
 
         let kin = walker::kinematics(&body, &motion, trunk.angle);
-        let acceleration = walker::acceleration(&body, &kin, &motion, &trunk, &loads, 0.0);
+        let acceleration = walker::acceleration::<false>(&body, &kin, &motion, &trunk, &loads, 0.0);
         let reactions = walker::reactions(&body, &kin, &motion, &trunk, &loads, &acceleration);
         let energy = walker::energy(&body, &kin, &motion, &trunk);
 
@@ -145,7 +150,8 @@ fn the_specialised_walker_is_the_general_chain_of_table_1() {
 }
 
 /// `acceleration` with a step solves `M a = f` for the loads at the step's end: torques and forces less damping times
-/// `h a` and stiffness times `h (v + h a)`, v and a the relative motion of the joint or the motion of the point.
+/// `h a` and stiffness times `h (v + h a)`, v and a the relative motion of the joint or that of the point along and across
+/// its surface.
 #[test]
 fn an_implicit_step_is_the_explicit_dynamics_under_the_loads_that_it_ends_with() {
     let mut random = Pcg64::new(9, 1);
@@ -155,7 +161,7 @@ fn an_implicit_step_is_the_explicit_dynamics_under_the_loads_that_it_ends_with()
         let loads = random_loads(&mut random);
         let step = random.random_range(1e-5..=5e-3);
         let kin = walker::kinematics(&body, &motion, trunk.angle);
-        let a = walker::acceleration(&body, &kin, &motion, &trunk, &loads, step);
+        let a = walker::acceleration::<false>(&body, &kin, &motion, &trunk, &loads, step);
 
         let end = |damping: f64, stiffness: f64, v: f64, a: f64| step * (damping * a + stiffness * (v + step * a));
         let joint = |load: JointTorque, v: f64, a: f64| JointTorque {
@@ -174,9 +180,13 @@ fn an_implicit_step_is_the_explicit_dynamics_under_the_loads_that_it_ends_with()
         let point = |load: PointForce, x: f64, y: f64| {
             let v = walker::foot_point(&motion, &kin, x, y);
             let a = walker::foot_point(&accelerating, &kin, x, y);
+            let along = |p: &Point| load.cos * p.vx + load.sin * p.vy;
+            let across = |p: &Point| load.cos * p.vy - load.sin * p.vx;
+            let less_along = end(load.damping_x, load.stiffness_x, along(&v), along(&a));
+            let less_across = end(load.damping_y, load.stiffness_y, across(&v), across(&a));
             PointForce {
-                x: load.x - end(load.damping_x, load.stiffness_x, v.vx, a.vx),
-                y: load.y - end(load.damping_y, load.stiffness_y, v.vy, a.vy),
+                x: load.x - (load.cos * less_along - load.sin * less_across),
+                y: load.y - (load.sin * less_along + load.cos * less_across),
                 ..load
             }
         };
@@ -188,8 +198,24 @@ fn an_implicit_step_is_the_explicit_dynamics_under_the_loads_that_it_ends_with()
             ball: point(loads.ball, kin.ball_x, kin.ball_y),
             ..loads
         };
-        let explicit = walker::acceleration(&body, &kin, &motion, &trunk, &at_end, 0.0);
+        let explicit = walker::acceleration::<false>(&body, &kin, &motion, &trunk, &at_end, 0.0);
         let list = |a: Acceleration| [a.hip_x, a.hip_y, a.thigh, a.shank, a.foot];
         assert_close(&list(a), &list(explicit), 1e-10);
+    }
+}
+
+#[test]
+fn on_level_surfaces_the_short_cut_for_level_ground_changes_nothing() {
+    let mut random = Pcg64::new(10, 1);
+    for _ in 0..500 {
+        let body = Body::from(&BodyParams::default());
+        let (motion, trunk) = random_motion(&mut random);
+        let mut loads = random_loads(&mut random);
+        for point in [&mut loads.heel, &mut loads.ball] {
+            (point.sin, point.cos) = (0.0, 1.0);
+        }
+        let kin = walker::kinematics(&body, &motion, trunk.angle);
+        let level = walker::acceleration::<true>(&body, &kin, &motion, &trunk, &loads, 1e-3);
+        assert_eq!(level, walker::acceleration::<false>(&body, &kin, &motion, &trunk, &loads, 1e-3));
     }
 }

@@ -1,0 +1,160 @@
+//! Where the walker meets the ground: contact points on level ground or terrain, and the force that each hands to the dynamics.
+//!
+//! On terrain a contact happens in the frame of the surface below the point: depth and normal force across the local slope,
+//! deformation and friction along it. Level ground, chosen for a whole block, skips all of that.
+
+use super::{BALL, CONTACT_POINTS, HEEL, HIP, HumanProsthesis, KNEE, Rest, State, hip_point};
+use crate::compliant_ground::{self, Contact};
+use crate::hybrid_dynamics::walker::{self, Motion, Point, PointForce};
+use crate::terrain::{self, Surface};
+
+/// Contact of a point with a surface.
+#[inline(always)]
+fn touch<const LEVEL: bool>(
+    ground: &compliant_ground::Ground,
+    surface: &Surface,
+    point: &Point,
+    deformation: f64,
+) -> Contact {
+    if LEVEL {
+        return compliant_ground::contact(ground, point.y, point.vx, point.vy, deformation);
+    }
+    let (along, across) = surface.along_and_across(point.vx, point.vy);
+    // Distance to the surface's tangent below the point.
+    let distance = surface.cos * (point.y - surface.height);
+    compliant_ground::contact(ground, distance, along, across, deformation)
+}
+
+impl<const L: usize> HumanProsthesis<L> {
+    /// Height of the ground at `x`, m.
+    #[inline(always)]
+    pub fn ground_height(&self, lane: usize, x: f64) -> f64 {
+        if self.level { 0.0 } else { terrain::surface(&self.terrain.get(lane), x).height }
+    }
+
+    /// Height of the hip above the ground below it, m.
+    #[inline(always)]
+    pub fn hip_height(&self, state: &State<L>, lane: usize) -> f64 {
+        state.motion.hip_y[lane] - self.ground_height(lane, state.motion.hip_x[lane])
+    }
+
+    #[inline(always)]
+    fn surface<const LEVEL: bool>(&self, lane: usize, x: f64) -> Surface {
+        if LEVEL { Surface::LEVEL } else { terrain::surface(&self.terrain.get(lane), x) }
+    }
+
+    /// Contacts of the foot, and where the intact leg would find the ground.
+    #[inline(always)]
+    pub(super) fn sense_feet<const LEVEL: bool>(&mut self, state: &State<L>) {
+        for lane in 0..L {
+            let motion = state.motion.get(lane);
+            let kin = self.kinematics.get(lane);
+            let ground = self.ground.get(lane);
+            let heel = walker::foot_point(&motion, &kin, kin.heel_x, kin.heel_y);
+            let ball = walker::foot_point(&motion, &kin, kin.ball_x, kin.ball_y);
+            let (below_heel, below_ball) = (self.surface::<LEVEL>(lane, heel.x), self.surface::<LEVEL>(lane, ball.x));
+            self.contacts[HEEL].set(lane, touch::<LEVEL>(&ground, &below_heel, &heel, state.rest.heel[lane]));
+            self.contacts[BALL].set(lane, touch::<LEVEL>(&ground, &below_ball, &ball, state.rest.ball[lane]));
+            self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
+            if !LEVEL {
+                self.surfaces[HEEL].set(lane, below_heel);
+                self.surfaces[BALL].set(lane, below_ball);
+            }
+        }
+        if !LEVEL {
+            for lane in 0..L {
+                let reach = self.human.leg_length[lane] * self.human.touch_down_sin[lane];
+                self.ground_ahead[lane] = self.surface::<LEVEL>(lane, state.motion.hip_x[lane] + reach).height;
+            }
+        }
+    }
+
+    /// Contacts of knee and hip.
+    #[inline(always)]
+    pub(super) fn sense_fall<const LEVEL: bool>(&mut self, state: &State<L>) {
+        if !LEVEL {
+            for lane in 0..L {
+                let hip_x = state.motion.hip_x[lane];
+                let (below_knee, below_hip) = (
+                    self.surface::<LEVEL>(lane, hip_x + self.kinematics.thigh_x[lane]),
+                    self.surface::<LEVEL>(lane, hip_x),
+                );
+                self.surfaces[KNEE].set(lane, below_knee);
+                self.surfaces[HIP].set(lane, below_hip);
+            }
+        }
+        // NaN is not above: what a diverged walker leaves behind must be recomputed once its lane starts anew.
+        let above = |lane: usize| {
+            let hip_y = state.motion.hip_y[lane];
+            (hip_y > self.surfaces[HIP].height[lane])
+                & (hip_y + self.kinematics.thigh_y[lane] > self.surfaces[KNEE].height[lane])
+        };
+        let falls = !(0..L).all(above);
+        if !(falls || self.fall_contact) {
+            return; // Contacts above ground are zero already; skipping them changes no result.
+        }
+        self.fall_contact = falls;
+        for lane in 0..L {
+            let ground = self.ground.get(lane);
+            let motion = state.motion.get(lane);
+            let knee = walker::knee_point(&motion, &self.kinematics.get(lane));
+            let hip = hip_point(&motion);
+            let (below_knee, below_hip) = (self.surfaces[KNEE].get(lane), self.surfaces[HIP].get(lane));
+            self.contacts[KNEE].set(lane, touch::<LEVEL>(&ground, &below_knee, &knee, state.rest.knee[lane]));
+            self.contacts[HIP].set(lane, touch::<LEVEL>(&ground, &below_hip, &hip, state.rest.hip[lane]));
+        }
+    }
+
+    /// Forces of the ground on the walker, in the order of the contact points.
+    #[inline(always)]
+    pub(super) fn ground_forces<const LEVEL: bool>(&self, lane: usize) -> [PointForce; CONTACT_POINTS] {
+        std::array::from_fn(|point| {
+            let contact = self.contacts[point].get(lane);
+            let surface = if LEVEL { Surface::LEVEL } else { self.surfaces[point].get(lane) };
+            let (x, y) = if LEVEL {
+                (contact.tangential, contact.normal)
+            } else {
+                surface.forward_and_up(contact.tangential, contact.normal)
+            };
+            PointForce {
+                x,
+                y,
+                damping_x: contact.tangential_damping,
+                damping_y: contact.normal_damping,
+                stiffness_x: contact.tangential_stiffness,
+                stiffness_y: contact.normal_stiffness,
+                sin: surface.sin,
+                cos: surface.cos,
+            }
+        })
+    }
+
+    /// Rates of the ground's deformations for a walker that moves like `end`.
+    #[inline(always)]
+    pub(super) fn deformation_rates<const LEVEL: bool>(
+        &self,
+        state: &State<L>,
+        lane: usize,
+        end: &Motion,
+        step: f64,
+    ) -> Rest {
+        let ground = self.ground.get(lane);
+        let kin = self.kinematics.get(lane);
+        let deformation = state.rest.get(lane);
+        let follow = |point: usize, deformation: f64, velocity: Point| {
+            let along = if LEVEL {
+                velocity.vx
+            } else {
+                self.surfaces[point].get(lane).along_and_across(velocity.vx, velocity.vy).0
+            };
+            compliant_ground::deformation_rate(&ground, &self.contacts[point].get(lane), deformation, along, step)
+        };
+        Rest {
+            time: 1.0,
+            heel: follow(HEEL, deformation.heel, walker::foot_point(end, &kin, kin.heel_x, kin.heel_y)),
+            ball: follow(BALL, deformation.ball, walker::foot_point(end, &kin, kin.ball_x, kin.ball_y)),
+            knee: follow(KNEE, deformation.knee, walker::knee_point(end, &kin)),
+            hip: follow(HIP, deformation.hip, hip_point(end)),
+        }
+    }
+}

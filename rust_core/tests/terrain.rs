@@ -1,0 +1,151 @@
+//! The walker on ground that is not level: balance of energy and forces, walking, and lanes that stay independent.
+
+use prosthesis_gym_core::compliant_ground::GroundParams;
+use prosthesis_gym_core::config::{Config, SolverParams};
+use prosthesis_gym_core::disturbance::Push;
+use prosthesis_gym_core::energy_meter::EnergyMeter;
+use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
+use prosthesis_gym_core::human_prosthesis::{POWERS, Start};
+use prosthesis_gym_core::scenario::{Episode, ScenarioParams};
+use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
+use prosthesis_gym_core::simulation::Simulation;
+use prosthesis_gym_core::terrain::{self, Terrain};
+use rand_pcg::Pcg64;
+
+fn periods(seconds: f64) -> usize {
+    (seconds / CONTROL_PERIOD_S).round() as usize
+}
+
+/// A walker that starts from standing and walks at 1.1 m/s from `walk_s` on.
+fn standing(config: &Config, walk_s: f64) -> Simulation<1> {
+    let knot = |time_s: f64, walk: bool| Knot { time_s, speed_m_s: 1.1, walk };
+    let profile = Profile { knots: vec![knot(0.0, false), knot(walk_s, true)] };
+    let mut simulation = Simulation::new(config);
+    simulation.start(0, Episode { start: Start::Standing, profile, push: Push::default() });
+    simulation.observe_started(&[true]);
+    simulation
+}
+
+fn on(ground: GroundParams, solver: SolverParams) -> Config {
+    Config { ground, solver, ..Config::default() }
+}
+
+fn slope(slope_deg: f64) -> GroundParams {
+    GroundParams { slope_deg, ..GroundParams::default() }
+}
+
+/// 10 m long and on the average of the given slope, half as steep again in its middle.
+fn ramp(slope_deg: f64) -> GroundParams {
+    let step_height_m = 10.0 * slope_deg.to_radians().tan();
+    GroundParams { step_height_m, step_x_m: 4.0, edge_m: 10.0, ..GroundParams::default() }
+}
+
+/// A little of everything, which the walker manages.
+fn uneven() -> GroundParams {
+    GroundParams {
+        slope_deg: -1.0,
+        step_height_m: -0.02,
+        edge_m: 0.2,
+        stair_rise_m: 0.01,
+        stair_run_m: 1.5,
+        stair_start_x_m: 5.0,
+        roughness_m: 0.003,
+        ..GroundParams::default()
+    }
+}
+
+#[test]
+fn the_energy_balance_closes_on_uneven_ground() {
+    for ground in [slope(1.0), ramp(-2.0), uneven()] {
+        let mut simulation = standing(&on(ground.clone(), SolverParams::REFERENCE), 1.0);
+        let mut meter = EnergyMeter::default();
+        let energy = |simulation: &Simulation<1>| {
+            let energy = simulation.plant.energy(&simulation.state, 0);
+            energy.kinetic + energy.potential
+        };
+        let start = energy(&simulation);
+        for _ in 0..periods(12.0) {
+            simulation.advance_metered(&[simulation.state_machine_command[0]], &mut meter);
+        }
+        assert!(simulation.state.motion.hip_x[0] > 9.0, "it did not walk on {ground:?}");
+        let gained = energy(&simulation) - start;
+        let work: f64 = meter.work.iter().map(|lanes| lanes[0]).sum();
+        let exchanged: f64 = meter.exchanged.iter().map(|lanes| lanes[0]).sum();
+        let imbalance = (gained - work).abs() / exchanged;
+        println!("gained {gained:.3} J, work {work:.3} J, exchanged {exchanged:.0} J, imbalance {imbalance:.1e}");
+        assert!(imbalance < 1e-6, "{imbalance:e}");
+        for (power, work) in POWERS.iter().zip(&meter.work) {
+            assert!(!power.starts_with("contact") || work[0] < 0.0, "{power} {}", work[0]);
+        }
+    }
+}
+
+/// The foot is mounted for the slope: an ankle bent by it would tip the walker, who does not balance.
+///
+/// The pendulum leg carries half the weight, vertically: ground forces on the prosthesis must carry the other half, also
+/// vertically, and hence along the slope with the sine of its angle.
+#[test]
+fn ground_forces_balance_the_weight_of_a_walker_that_stands_on_a_slope() {
+    for slope_deg in [-4.0_f64, 0.0, 4.0] {
+        let mut config = on(slope(slope_deg), SolverParams::REFERENCE);
+        config.body.foot_mount_deg += slope_deg;
+        let mut simulation = standing(&config, 1e3);
+        for _ in 0..periods(10.0) {
+            simulation.advance(&[simulation.state_machine_command[0]]);
+        }
+        let half_weight = 0.5 * simulation.plant.body(0).mass * GRAVITY;
+        let (sin, cos) = slope_deg.to_radians().sin_cos();
+        let contacts = [0, 1].map(|point| simulation.plant.contact(point, 0));
+        let normal: f64 = contacts.iter().map(|contact| contact.normal).sum();
+        let along: f64 = contacts.iter().map(|contact| contact.tangential).sum();
+        println!("{slope_deg} deg: normal {normal:.2} N, along {along:.2} N");
+        assert!((normal - half_weight * cos).abs() < 0.005 * half_weight, "{slope_deg}: {normal}");
+        assert!((along - half_weight * sin).abs() < 0.005 * half_weight, "{slope_deg}: {along}");
+        assert!((0.88..0.93).contains(&simulation.plant.hip_height(&simulation.state, 0)));
+    }
+}
+
+#[test]
+fn small_slopes_and_uneven_ground_are_walked() {
+    for ground in [slope(1.0), slope(-1.0), ramp(2.0), ramp(-2.0), uneven()] {
+        let mut simulation = standing(&on(ground.clone(), SolverParams::default()), 1.0);
+        for _ in 0..periods(20.0) {
+            simulation.advance(&[simulation.state_machine_command[0]]);
+            assert!(simulation.plant.hip_height(&simulation.state, 0) > 0.8, "{ground:?}");
+        }
+        let motion = simulation.state.motion.get(0);
+        let rise = terrain::surface(&Terrain::from(&ground), motion.hip_x).height;
+        println!("{:.2} m far, {rise:.2} m high", motion.hip_x);
+        assert!(motion.hip_x > 18.0, "{ground:?}: {}", motion.hip_x);
+        assert!((motion.hip_y - rise - 0.9).abs() < 0.06, "{ground:?}");
+    }
+}
+
+/// Also where walkers fall on knee and hip.
+#[test]
+fn a_lane_on_uneven_ground_is_the_scalar_simulation_bit_for_bit() {
+    let config = on(GroundParams { slope_deg: 3.0, roughness_m: 0.02, ..uneven() }, SolverParams::default());
+    let episodes = || -> [Episode; 8] {
+        std::array::from_fn(|lane| ScenarioParams::default().draw(&mut Pcg64::new(1, lane as u128)))
+    };
+    let mut block = Simulation::<8>::new(&config);
+    for (lane, episode) in episodes().into_iter().enumerate() {
+        block.start(lane, episode);
+    }
+    block.observe_started(&[true; 8]);
+    let mut alone = episodes().map(|episode| {
+        let mut simulation = Simulation::<1>::new(&config);
+        simulation.start(0, episode);
+        simulation.observe_started(&[true]);
+        simulation
+    });
+    for _ in 0..periods(6.0) {
+        block.advance(&block.state_machine_command.clone());
+        for (lane, simulation) in alone.iter_mut().enumerate() {
+            simulation.advance(&simulation.state_machine_command.clone());
+            assert_eq!(block.checksum(lane).to_bits(), simulation.checksum(0).to_bits(), "lane {lane}");
+        }
+    }
+    let lowest = (0..8).map(|lane| block.plant.hip_height(&block.state, lane)).fold(f64::INFINITY, f64::min);
+    assert!(lowest < 0.5, "nobody fell: {lowest}");
+}
