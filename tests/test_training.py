@@ -22,7 +22,7 @@ from prosthesis_gym.sb3 import ProsthesisVecEnv
 from training.checkpoint import latest_checkpoint, load_checkpoint, save_checkpoint
 from training.export import export_policy, observation_statistics
 from training.settings import Settings
-from training.train import Trainer, main
+from training.train import BoundedReward, Trainer, main
 
 ROOT = Path(__file__).parents[1]
 TINY = """
@@ -127,6 +127,17 @@ def test_the_exported_policy_acts_as_the_model_does(config: Path) -> None:
     np.testing.assert_allclose(policy.act(observations), expected[:, 0], atol=1e-5)
     assert np.ptp(expected) > 0.1
     assert policy.config == {section: settings.env[section] for section in ("action", "observation")}
+
+
+def test_rewards_are_bounded_before_they_enter_any_statistics(config: Path) -> None:
+    settings = Settings.load(config, ["env.reward.alive=1e6"])
+    bounded = BoundedReward(ProsthesisVecEnv(4, settings.env), 5.0)
+    normaliser = VecNormalize(bounded, gamma=0.0)
+    normaliser.reset()
+    for _ in range(3):
+        normaliser.step(np.zeros((4, 1), np.float32))
+    assert (normaliser.get_original_reward() == 5.0).all()
+    assert abs(normaliser.ret_rms.mean - 5.0) < 0.01
 
 
 def test_other_networks_are_not_exported(config: Path) -> None:

@@ -8,6 +8,7 @@ use rand_pcg::Pcg64;
 
 use crate::config::Config;
 use crate::error::Result;
+use crate::math::{SPLITMIX_STEP, scramble};
 use crate::prosthesis_controller::agent::{self, ActionMap, LONGEST_FRAME};
 use crate::recorder::Recorder;
 use crate::reward::{self, Outcome, TERMS};
@@ -87,6 +88,14 @@ impl Setup {
     }
 }
 
+/// Random numbers of an episode. Neighbouring streams of PCG are correlated, so seed and episode are scrambled first.
+fn random_stream(seed: u64, episode: u64) -> Pcg64 {
+    let seed = scramble(seed.wrapping_add(SPLITMIX_STEP));
+    let state = scramble((seed ^ episode).wrapping_add(SPLITMIX_STEP));
+    let wide = |high: u64, low: u64| (u128::from(high) << 64) | u128::from(low);
+    Pcg64::new(wide(state, scramble(state.wrapping_add(SPLITMIX_STEP))), wide(seed, episode))
+}
+
 /// A block of `L` environments.
 #[derive(Clone, Debug)]
 pub struct Environments<const L: usize> {
@@ -157,8 +166,7 @@ impl<const L: usize> Environments<L> {
     fn start(&mut self, setup: &Setup, lanes: &[bool; L]) {
         for lane in (0..L).filter(|&lane| lanes[lane]) {
             let env = &mut self.envs[lane];
-            let stream = (u128::from(env.seed) << 64) | u128::from(env.episode);
-            let mut random = Pcg64::new(0x9e37_79b9_7f4a_7c15_f39c_c060_5ced_c834, stream);
+            let mut random = random_stream(env.seed, env.episode);
             env.episode += 1;
             env.ended = false;
             env.last_command = 0.0;
@@ -269,6 +277,7 @@ impl<const L: usize> Environments<L> {
             hip_height: simulation.plant.hip_height(&simulation.state, lane),
             knee_flexion: motion.thigh - motion.shank,
             ankle: motion.foot - motion.shank - simulation.plant.body(lane).foot_mount,
+            fastest_rad_s: motion.thigh_rate.abs().max(motion.shank_rate.abs()).max(motion.foot_rate.abs()),
             checksum: simulation.checksum(lane),
         };
         match setup.config.termination.check(&posture) {
@@ -287,6 +296,7 @@ impl<const L: usize> Environments<L> {
         let touching_speed = |&(normal, vx): &(f64, f64)| if normal > 0.0 { vx } else { 0.0 };
         Outcome {
             failed: !matches!(reason, Reason::None | Reason::TimeLimit),
+            diverged: reason == Reason::NonFinite,
             extension_stop_peak: plant.extension_stop_peak[lane],
             mass,
             hip_power: plant.hip_torque(lane) * (motion.thigh_rate - plant.prescribed(lane).rate),
@@ -296,6 +306,24 @@ impl<const L: usize> Environments<L> {
             sole_speed: points.iter().map(touching_speed).fold(0.0, f64::max),
             electrical_power: plant.unit.electrical_powers(lane, &simulation.state.rotor.get(lane))[0],
             command_change: setup.action.relative(command_change),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+
+    #[test]
+    fn neighbouring_seeds_and_episodes_draw_unrelated_numbers() {
+        let count = 4096;
+        let draws = |stream: fn(u64) -> Pcg64| -> Vec<f64> { (0..count).map(|i| stream(i).random::<f64>()).collect() };
+        for draws in [draws(|seed| random_stream(seed, 0)), draws(|episode| random_stream(7, episode))] {
+            let mean = draws.iter().sum::<f64>() / count as f64;
+            assert!((mean - 0.5).abs() < 4.0 / (12.0 * count as f64).sqrt(), "mean {mean}");
+            let covariance = draws.windows(2).map(|pair| (pair[0] - 0.5) * (pair[1] - 0.5)).sum::<f64>() / count as f64;
+            assert!((12.0 * covariance).abs() < 4.0 / (count as f64).sqrt(), "correlation {}", 12.0 * covariance);
         }
     }
 }

@@ -27,6 +27,17 @@ pub fn clamp(x: f64, low: f64, high: f64) -> f64 {
     min(max(x, low), high)
 }
 
+/// Golden-ratio increment of SplitMix64.
+pub const SPLITMIX_STEP: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// Output function of SplitMix64 (Steele, Lea & Flood 2014): neighbouring arguments give unrelated bits.
+#[inline(always)]
+pub fn scramble(bits: u64) -> u64 {
+    let z = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ (z >> 31)
+}
+
 /// Adding and subtracting it rounds |x| < 2^51 to the nearest integer, which then stands in the low bits.
 const ROUND: f64 = 6_755_399_441_055_744.0; // 1.5 * 2^52
 

@@ -50,6 +50,8 @@ impl RewardParams {
 pub struct Outcome {
     /// Whether the episode ended early.
     pub failed: bool,
+    /// Whether it ended because the integration diverged: then no other quantity means anything.
+    pub diverged: bool,
     /// Largest extension-stop torque, N m.
     pub extension_stop_peak: f64,
     /// Body mass, kg.
@@ -95,6 +97,6 @@ pub fn terms(outcome: &Outcome) -> [f64; TERMS.len()] {
         when(scuffs, outcome.ground_force_bw * dt),
         outcome.command_change * outcome.command_change,
     ];
-    // A diverged walker is charged its fall; its other terms mean nothing.
-    terms.map(|term| if term.is_finite() { term } else { 0.0 })
+    // A diverged walker is charged its fall alone.
+    if outcome.diverged { std::array::from_fn(|term| when(TERMS[term] == "fall", 1.0)) } else { terms }
 }

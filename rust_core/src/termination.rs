@@ -27,7 +27,7 @@ pub enum Reason {
     HipHeight,
     /// Knee or ankle went beyond its limit.
     JointLimit,
-    /// The state is not finite: the integration diverged.
+    /// The integration diverged: the state is not finite, or a segment turns faster than any leg can.
     NonFinite,
     /// Its time is over (truncation, not failure).
     TimeLimit,
@@ -45,15 +45,20 @@ pub struct Posture {
     pub knee_flexion: f64,
     /// Ankle angle from rest, rad.
     pub ankle: f64,
+    /// Fastest rotation of a segment, rad/s.
+    pub fastest_rad_s: f64,
     /// Sum of all state variables: not finite if any of them is not.
     pub checksum: f64,
 }
+
+/// Rotation that only a diverged integration reaches: walking stays below 20 rad/s, impacts in a fall below 100.
+const DIVERGED_RAD_S: f64 = 300.0;
 
 impl TerminationParams {
     /// Whether and why the posture ends the episode.
     pub fn check(&self, posture: &Posture) -> Reason {
         let knee_deg = posture.knee_flexion.to_degrees();
-        if !posture.checksum.is_finite() {
+        if !posture.checksum.is_finite() || posture.fastest_rad_s > DIVERGED_RAD_S {
             Reason::NonFinite
         } else if posture.hip_height < self.hip_height_m {
             Reason::HipHeight

@@ -1,6 +1,6 @@
 //! Noise as a function of (seed, sample, channel, use): it has no state, so that no option and no neighbour shifts it.
 
-use crate::math::{ln, sin_cos};
+use crate::math::{SPLITMIX_STEP, ln, scramble, sin_cos};
 
 /// What a random number is for.
 #[derive(Clone, Copy, Debug)]
@@ -20,10 +20,7 @@ const CHANNELS: u64 = 64;
 #[inline(always)]
 pub fn bits(seed: u64, sample: u64, channel: usize, purpose: Use) -> u64 {
     let index = (sample * CHANNELS + channel as u64) * USES + purpose as u64;
-    let z = seed.wrapping_add(index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    let z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
+    scramble(seed.wrapping_add(index.wrapping_add(1).wrapping_mul(SPLITMIX_STEP)))
 }
 
 const UNIT: f64 = 1.0 / 4_294_967_296.0; // 2^-32
