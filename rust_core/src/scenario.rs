@@ -115,13 +115,13 @@ fn samples(seconds: f64) -> u64 {
 }
 
 fn drawn_profile(start: Start, [first, second]: [f64; 2], change_s: f64, walk_s: f64) -> Profile {
-    let from_standing = start == Start::Standing;
-    let knot = |time_s: f64, speed_m_s: f64, walk: bool| Knot { time_s, speed_m_s, walk };
-    let mut knots = vec![knot(0.0, first, !from_standing)];
-    if from_standing {
-        knots.push(knot(walk_s.min(change_s), first, true));
+    let walk_s = if start == Start::Standing { walk_s } else { 0.0 };
+    let knot = |time_s: f64, speed_m_s: f64| Knot { time_s, speed_m_s, walk: time_s >= walk_s };
+    let mut knots = vec![knot(0.0, first), knot(change_s, first), knot(change_s, second)];
+    let (place, speed) = if walk_s < change_s { (1, first) } else { (3, second) };
+    if walk_s > 0.0 {
+        knots.insert(place, knot(walk_s, speed));
     }
-    knots.extend([knot(change_s, first, true), knot(change_s, second, true)]);
     Profile { knots }
 }
 
@@ -141,5 +141,18 @@ mod tests {
         assert!(episodes.windows(2).all(|pair| pair[0] != pair[1]));
         let standing = episodes.iter().filter(|episode| episode.start == Start::Standing).count();
         assert!((70..130).contains(&standing), "{standing}");
+    }
+
+    #[test]
+    fn a_walker_that_stands_longer_than_the_speed_change_does_not_walk_before_its_time() {
+        for (change_s, walk_s) in [(3.0, 5.0), (5.0, 3.0)] {
+            let profile = drawn_profile(Start::Standing, [1.0, 1.3], change_s, walk_s);
+            assert!(!profile.walks(walk_s - 0.01) && profile.walks(walk_s), "{change_s} {walk_s}");
+            assert_eq!(profile.speed(change_s - 0.01), 1.0);
+            assert_eq!(profile.speed(change_s), 1.3);
+            assert_eq!(profile.speed(9.0), 1.3);
+            profile.check("profile").unwrap();
+        }
+        assert!(drawn_profile(Start::Cyclic, [1.0, 1.3], 3.0, 5.0).walks(0.0));
     }
 }
