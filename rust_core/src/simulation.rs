@@ -113,6 +113,7 @@ impl<const L: usize> Simulation<L> {
         self.plant.command = *commands;
         self.plant.extension_stop_peak = [0.0; L];
         self.set_inputs();
+        self.plant.sense_command(&self.state);
         self.react();
     }
 

@@ -294,6 +294,12 @@ impl<const L: usize> HumanProsthesis<L> {
         }
     }
 
+    /// Lets the knee unit see the present command: all that changes of a sensed state when a new command arrives.
+    #[inline(always)]
+    pub fn sense_command(&mut self, state: &State<L>) {
+        self.unit.sense(&self.joint, &state.rotor, &self.command);
+    }
+
     /// Whether the human's state machine has a transition to make.
     #[inline(always)]
     fn steps(&self, state: &State<L>, lane: usize) -> bool {
@@ -367,7 +373,7 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
             let flexion_rate = motion.thigh_rate - motion.shank_rate;
             self.joint.set(lane, JointMotion { flexion, flexion_rate });
         }
-        self.unit.sense(&self.joint, &state.rotor, &self.command);
+        self.sense_command(state);
     }
 
     #[inline(always)]
