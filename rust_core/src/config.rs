@@ -6,6 +6,7 @@ use crate::compliant_ground::GroundParams;
 use crate::error::{Error, Result};
 use crate::human_controller::HumanParams;
 use crate::hybrid_dynamics::body::BodyParams;
+use crate::hybrid_dynamics::general_walker::MechanismParams;
 use crate::integrator::Stepper;
 use crate::params::{ParameterDoc, within};
 use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};
@@ -15,6 +16,8 @@ use crate::prosthesis_device::DeviceParams;
 use crate::prosthesis_device::end_stop::EndStopParams;
 use crate::prosthesis_device::geared_motor::GearedMotorParams;
 use crate::prosthesis_device::passive_ankle::AnkleParams;
+use crate::prosthesis_device::socket::SocketParams;
+use crate::prosthesis_device::tube::TubeParams;
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
 use crate::reward::RewardParams;
 use crate::scenario::ScenarioParams;
@@ -95,6 +98,8 @@ tree! {
     pub struct Config {
         /// Segments.
         body: BodyParams,
+        /// Joints and how they are driven.
+        mechanism: MechanismParams,
         /// Ground.
         ground: GroundParams,
         /// Human controller.
@@ -109,6 +114,10 @@ tree! {
         end_stop: EndStopParams,
         /// Ankle.
         ankle: AnkleParams,
+        /// Socket.
+        socket: SocketParams,
+        /// Tube with the load cell.
+        tube: TubeParams,
         /// Sensors.
         sensors: SensorParams,
         /// Reference controller of the damper knee.
@@ -154,6 +163,13 @@ impl Config {
             return Err(Error::Invalid(format!(
                 "body.ball_x_m = {} must lie ahead of body.heel_x_m = {}",
                 body.ball_x_m, body.heel_x_m
+            )));
+        }
+        let half_sole = 0.5 * (body.ball_x_m - body.heel_x_m);
+        if body.sole_radius_m != 0.0 && body.sole_radius_m < half_sole {
+            return Err(Error::Invalid(format!(
+                "body.sole_radius_m = {} must be 0 (straight) or at least half of heel to ball = {half_sole} m",
+                body.sole_radius_m
             )));
         }
         let ground = &self.ground;

@@ -275,10 +275,10 @@ impl<const L: usize> Environments<L> {
         let motion = simulation.state.motion.get(lane);
         let posture = Posture {
             hip_height: simulation.plant.hip_height(&simulation.state, lane),
-            knee_flexion: motion.thigh - motion.shank,
-            ankle: motion.foot - motion.shank - simulation.plant.body(lane).foot_mount,
+            knee_flexion: simulation.plant.knee_flexion(lane),
+            ankle: simulation.plant.joints(lane).ankle,
             fastest_rad_s: motion.thigh_rate.abs().max(motion.shank_rate.abs()).max(motion.foot_rate.abs()),
-            checksum: simulation.checksum(lane),
+            checksum: simulation.state.checksum(lane),
         };
         match setup.config.termination.check(&posture) {
             Reason::None if simulation.sample[lane] >= setup.last_sample => Reason::TimeLimit,
@@ -289,7 +289,6 @@ impl<const L: usize> Environments<L> {
     fn outcome(&self, setup: &Setup, lane: usize, reason: Reason, command_change: f64) -> Outcome {
         let simulation = &self.simulation;
         let plant = &simulation.plant;
-        let motion = simulation.state.motion.get(lane);
         let mass = plant.body(lane).mass;
         let points = [0, 1]
             .map(|point| (plant.contact(point, lane).normal, plant.foot_point(&simulation.state, point, lane).vx));
@@ -299,10 +298,10 @@ impl<const L: usize> Environments<L> {
             diverged: reason == Reason::NonFinite,
             extension_stop_peak: plant.extension_stop_peak[lane],
             mass,
-            hip_power: plant.hip_torque(lane) * (motion.thigh_rate - plant.prescribed(lane).rate),
-            knee_angle: motion.thigh - motion.shank,
+            hip_power: plant.hip_torque(lane) * plant.joints(lane).hip_rate,
+            knee_angle: plant.knee_flexion(lane),
             tube_force_bw: simulation.truth.tube_force_bw[lane],
-            ground_force_bw: points.iter().map(|(normal, _)| normal).sum::<f64>() / (mass * GRAVITY),
+            ground_force_bw: plant.sole_load(lane).iter().sum::<f64>() / (mass * GRAVITY),
             sole_speed: points.iter().map(touching_speed).fold(0.0, f64::max),
             electrical_power: plant.unit.electrical_powers(lane, &simulation.state.rotor.get(lane))[0],
             command_change: setup.action.relative(command_change),

@@ -7,7 +7,7 @@ use crate::signals::{CONTROL_PERIOD_S, GRAVITY};
 use crate::simulation::Simulation;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 45] = [
+pub const COLUMNS: [&str; 57] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -53,6 +53,18 @@ pub const COLUMNS: [&str; 45] = [
     "gear_power_w",
     "ground_height_m",
     "pendulum_foot_y_m",
+    "socket_displacement_m",
+    "socket_tilt_rad",
+    "socket_force_bw",
+    "socket_moment_nm_kg",
+    "thigh_rate_rad_s",
+    "thigh_force_x_m_s2",
+    "thigh_force_y_m_s2",
+    "shank_rate_rad_s",
+    "shank_force_x_m_s2",
+    "shank_force_y_m_s2",
+    "trunk_reference_deg",
+    "trunk_torque_nm_kg",
 ];
 
 /// A foot strike, located in time by the stepper's events.
@@ -125,6 +137,9 @@ fn row<const L: usize>(
     let trunk = plant.trunk_force(lane);
     let reactions = plant.reactions(&simulation.state, lane);
     let (pendulum_foot_x, grounded) = plant.pendulum_foot(lane);
+    let [rear_load, front_load] = plant.sole_load(lane);
+    let socket = plant.socket(&simulation.state, lane);
+    let truth = simulation.truth.get(lane);
     let weight = body.mass * GRAVITY;
     let rotor = simulation.state.rotor.get(lane);
     let motor = plant.unit.motor_signals(lane);
@@ -138,13 +153,13 @@ fn row<const L: usize>(
         motion.hip_x,
         motion.hip_y,
         motion.hip_vx,
-        smooth.trunk.to_degrees(),
+        plant.trunk_angle(&simulation.state, lane).to_degrees(),
         motion.thigh.to_degrees(),
         (smooth.trunk + smooth.hip).to_degrees(),
         plant.rough_thigh(&simulation.state, lane).to_degrees(),
         device.knee_angle.to_degrees(),
         // -q8 - 4 deg: plantarflexion is positive, a right angle between foot and shank is 0.
-        (motion.shank - motion.foot).to_degrees(),
+        -(plant.joints(lane).ankle + body.foot_mount).to_degrees(),
         trunk.x / weight,
         trunk.y / weight,
         -reactions.tube_force / weight,
@@ -157,8 +172,8 @@ fn row<const L: usize>(
         device.flexion_stop,
         plant.foot_height(&simulation.state, 0, lane),
         plant.foot_height(&simulation.state, 1, lane),
-        plant.contact(0, lane).normal / weight,
-        plant.contact(1, lane).normal / weight,
+        rear_load / weight,
+        front_load / weight,
         f64::from(memory.residual as u8),
         f64::from(memory.intact as u8),
         f64::from(simulation.state_machine[lane].phase()),
@@ -178,5 +193,17 @@ fn row<const L: usize>(
         knee_power,
         plant.ground_height(lane, motion.hip_x),
         if grounded { memory.slip_foot_y } else { f64::NAN },
+        socket.pistoning,
+        socket.tilt,
+        socket.force / weight,
+        socket.moment / body.mass,
+        truth.thigh_rate,
+        truth.thigh_force_x,
+        truth.thigh_force_y,
+        truth.shank_rate,
+        truth.shank_force_x,
+        truth.shank_force_y,
+        smooth.trunk.to_degrees(),
+        reactions.trunk_torque / body.mass,
     ]
 }

@@ -45,10 +45,11 @@ pub struct Simulation<const L: usize> {
 impl<const L: usize> Simulation<L> {
     /// Walkers that each wait for [`start`](Self::start).
     pub fn new(config: &Config) -> Self {
-        let state = State::default();
+        let plant = HumanProsthesis::new(config);
+        let state = plant.state();
         let reference = ReferenceParams::from(config);
         Self {
-            plant: HumanProsthesis::new(config),
+            plant,
             truth: MeasurandLanes::default(),
             sensors: Sensors::new(&config.sensors),
             readings: ReadingsLanes::default(),
@@ -168,7 +169,7 @@ impl<const L: usize> Simulation<L> {
         let [thigh_imu, shank_imu] = self.sensors.imu;
         let [thigh_force, shank_force] = self.plant.specific_forces(&self.state, lane, thigh_imu, shank_imu);
         Measurand {
-            knee_angle: motion.thigh - motion.shank,
+            knee_angle: self.plant.knee_flexion(lane),
             tube_force_bw: -reactions.tube_force / (mass * crate::signals::GRAVITY),
             tube_moment_nm_kg: -reactions.tube_torque / mass,
             shank_angle: motion.shank,
@@ -190,18 +191,5 @@ impl<const L: usize> Simulation<L> {
     fn control(&mut self, lane: usize) {
         let readings = self.readings.get(lane);
         self.state_machine_command[lane] = self.state_machine[lane].update(&self.reference, &readings);
-    }
-
-    /// Sum of all continuous state variables of a lane: finite only if all of them are.
-    #[inline(always)]
-    pub fn checksum(&self, lane: usize) -> f64 {
-        let m = self.state.motion.get(lane);
-        let r = self.state.reference.get(lane);
-        let d = self.state.rest.get(lane);
-        (m.hip_x + m.hip_y + m.thigh + m.shank + m.foot)
-            + (m.hip_vx + m.hip_vy + m.thigh_rate + m.shank_rate + m.foot_rate)
-            + (r.trunk + r.trunk_rate + r.hip + r.hip_rate)
-            + (d.heel + d.ball + d.knee + d.hip)
-            + (self.state.rotor.angle[lane] + self.state.rotor.rate[lane])
     }
 }

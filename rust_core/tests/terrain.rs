@@ -143,7 +143,7 @@ fn a_lane_on_uneven_ground_is_the_scalar_simulation_bit_for_bit() {
         block.advance(&block.state_machine_command.clone());
         for (lane, simulation) in alone.iter_mut().enumerate() {
             simulation.advance(&simulation.state_machine_command.clone());
-            assert_eq!(block.checksum(lane).to_bits(), simulation.checksum(0).to_bits(), "lane {lane}");
+            assert_eq!(block.state.checksum(lane).to_bits(), simulation.state.checksum(0).to_bits(), "lane {lane}");
         }
     }
     let lowest = (0..8).map(|lane| block.plant.hip_height(&block.state, lane)).fold(f64::INFINITY, f64::min);

@@ -72,7 +72,7 @@ fn energy(simulation: &Simulation<1>) -> f64 {
 
 /// Angular momentum about the centre of mass and linear momentum, by the general chain.
 fn momentum(config: &Config, simulation: &Simulation<1>) -> [f64; 3] {
-    let chain = Chain::new(walker_joints(&config.body), [0.0, -GRAVITY]).unwrap();
+    let chain = Chain::new(walker_joints(&config.body, None), [0.0, -GRAVITY]).unwrap();
     let (m, trunk) = (simulation.state.motion.get(0), simulation.plant.prescribed(0));
     let mount = config.body.foot_mount_deg.to_radians();
     let q = table_1::joint_coordinates([m.hip_x, m.hip_y], trunk.angle, [m.thigh, m.shank, m.foot], mount);

@@ -267,6 +267,14 @@ impl Memory {
             hip_stiffness: if standing { params.standing_hip_stiffness_nm_rad } else { params.hip_stiffness_nm_rad },
             hip_damping: params.hip_damping_nms_rad,
             hip_limit: human.mass * if standing { params.standing_hip_limit_nm_kg } else { params.hip_limit_nm_kg },
+            trunk_stiffness: if standing {
+                params.standing_trunk_stiffness_nm_rad
+            } else {
+                params.trunk_stiffness_nm_rad
+            },
+            trunk_damping: if standing { params.standing_trunk_damping_nms_rad } else { params.trunk_damping_nms_rad },
+            trunk_limit: human.mass
+                * if standing { params.standing_trunk_limit_nm_kg } else { params.trunk_limit_nm_kg },
             touch_down: self.touch_down,
             slip_foot_x: self.slip_foot_x,
             slip_foot_y: self.slip_foot_y,

@@ -4,6 +4,7 @@
 //! equations run on and the [`gait_fsm::Guard`] of the next transition, both without a branch on the state.
 
 pub mod gait_fsm;
+pub mod impedance;
 pub mod intent;
 pub mod reference;
 pub mod slip_leg;
@@ -36,6 +37,18 @@ params! {
         hip_limit_nm_kg: f64 = 4.0, "N m/kg", above(0.0, 100.0);
         /// Largest hip torque per body mass while standing.
         standing_hip_limit_nm_kg: f64 = 2.0, "N m/kg", above(0.0, 100.0);
+        /// Trunk stiffness while walking, where the trunk is a forward joint.
+        trunk_stiffness_nm_rad: f64 = 5000.0, "N m/rad", within(0.0, 1e5);
+        /// Trunk damping while walking.
+        trunk_damping_nms_rad: f64 = 500.0, "N m s/rad", within(0.0, 1e4);
+        /// Largest trunk torque per body mass while walking.
+        trunk_limit_nm_kg: f64 = 5.0, "N m/kg", above(0.0, 100.0);
+        /// Trunk stiffness while standing.
+        standing_trunk_stiffness_nm_rad: f64 = 500.0, "N m/rad", within(0.0, 1e5);
+        /// Trunk damping while standing.
+        standing_trunk_damping_nms_rad: f64 = 100.0, "N m s/rad", within(0.0, 1e4);
+        /// Largest trunk torque per body mass while standing.
+        standing_trunk_limit_nm_kg: f64 = 2.5, "N m/kg", above(0.0, 100.0);
         /// Expected length of the first stride (section 4.1).
         first_stride_m: f64 = 1.333_333_333_333_333_3, "m", above(0.0, 5.0);
         /// Damping ratio zeta of the pendulum leg (section 4.2).
@@ -149,6 +162,12 @@ lanes! {
         hip_damping: f64,
         /// Largest hip torque, N m.
         hip_limit: f64,
+        /// Trunk stiffness where the trunk is a forward joint, N m/rad.
+        trunk_stiffness: f64,
+        /// Trunk damping, N m s/rad.
+        trunk_damping: f64,
+        /// Largest trunk torque, N m.
+        trunk_limit: f64,
         /// Pendulum stiffness k_p, N/m; 0 while the intact leg swings.
         slip_stiffness: f64,
         /// Pendulum damping c_p, N s/m.

@@ -10,7 +10,7 @@ use crate::terrain::{self, Surface};
 
 /// Contact of a point with a surface.
 #[inline(always)]
-fn touch<const LEVEL: bool>(
+pub(super) fn touch<const LEVEL: bool>(
     ground: &compliant_ground::Ground,
     surface: &Surface,
     point: &Point,
@@ -25,6 +25,28 @@ fn touch<const LEVEL: bool>(
     compliant_ground::contact(ground, distance, along, across, deformation)
 }
 
+/// Force of level ground on a point.
+#[inline(always)]
+fn level_force(contact: &Contact) -> PointForce {
+    PointForce {
+        x: contact.tangential,
+        y: contact.normal,
+        damping_x: contact.tangential_damping,
+        damping_y: contact.normal_damping,
+        stiffness_x: contact.tangential_stiffness,
+        stiffness_y: contact.normal_stiffness,
+        sin: 0.0,
+        cos: 1.0,
+    }
+}
+
+/// Force of a surface on a point that touches it.
+#[inline(always)]
+pub(super) fn point_force(contact: &Contact, surface: &Surface) -> PointForce {
+    let (x, y) = surface.forward_and_up(contact.tangential, contact.normal);
+    PointForce { x, y, sin: surface.sin, cos: surface.cos, ..level_force(contact) }
+}
+
 impl<const L: usize> HumanProsthesis<L> {
     /// Height of the ground at `x`, m.
     #[inline(always)]
@@ -36,6 +58,11 @@ impl<const L: usize> HumanProsthesis<L> {
     #[inline(always)]
     pub fn hip_height(&self, state: &State<L>, lane: usize) -> f64 {
         state.motion.hip_y[lane] - self.ground_height(lane, state.motion.hip_x[lane])
+    }
+
+    /// The ground at `x`.
+    pub(super) fn surface_at(&self, lane: usize, x: f64) -> Surface {
+        if self.level { Surface::LEVEL } else { terrain::surface(&self.terrain.get(lane), x) }
     }
 
     #[inline(always)]
@@ -55,6 +82,7 @@ impl<const L: usize> HumanProsthesis<L> {
             let (below_heel, below_ball) = (self.surface::<LEVEL>(lane, heel.x), self.surface::<LEVEL>(lane, ball.x));
             self.contacts[HEEL].set(lane, touch::<LEVEL>(&ground, &below_heel, &heel, state.rest.heel[lane]));
             self.contacts[BALL].set(lane, touch::<LEVEL>(&ground, &below_ball, &ball, state.rest.ball[lane]));
+            self.heel_force[lane] = self.contacts[HEEL].normal[lane];
             self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
             if !LEVEL {
                 self.surfaces[HEEL].set(lane, below_heel);
@@ -110,37 +138,31 @@ impl<const L: usize> HumanProsthesis<L> {
     pub(super) fn ground_forces<const LEVEL: bool>(&self, lane: usize) -> [PointForce; CONTACT_POINTS] {
         std::array::from_fn(|point| {
             let contact = self.contacts[point].get(lane);
-            let surface = if LEVEL { Surface::LEVEL } else { self.surfaces[point].get(lane) };
-            let (x, y) = if LEVEL {
-                (contact.tangential, contact.normal)
-            } else {
-                surface.forward_and_up(contact.tangential, contact.normal)
-            };
-            PointForce {
-                x,
-                y,
-                damping_x: contact.tangential_damping,
-                damping_y: contact.normal_damping,
-                stiffness_x: contact.tangential_stiffness,
-                stiffness_y: contact.normal_stiffness,
-                sin: surface.sin,
-                cos: surface.cos,
-            }
+            if LEVEL { level_force(&contact) } else { point_force(&contact, &self.surfaces[point].get(lane)) }
         })
     }
 
-    /// Rates of the ground's deformations for a walker that moves like `end`.
+    /// Rates of the ground's deformations for a walker whose motion has the given rates.
     #[inline(always)]
     pub(super) fn deformation_rates<const LEVEL: bool>(
         &self,
         state: &State<L>,
         lane: usize,
-        end: &Motion,
+        rates: &Motion,
         step: f64,
     ) -> Rest {
         let ground = self.ground.get(lane);
         let kin = self.kinematics.get(lane);
         let deformation = state.rest.get(lane);
+        // The velocities at the end of the step stand where `rates` has those of the positions.
+        let end = &Motion {
+            hip_vx: rates.hip_x,
+            hip_vy: rates.hip_y,
+            thigh_rate: rates.thigh,
+            shank_rate: rates.shank,
+            foot_rate: rates.foot,
+            ..*rates
+        };
         let follow = |point: usize, deformation: f64, velocity: Point| {
             let along = if LEVEL {
                 velocity.vx

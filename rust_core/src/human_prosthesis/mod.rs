@@ -9,32 +9,36 @@
 //! ```
 
 mod footing;
+mod general;
 mod outputs;
 mod start;
+mod state;
+mod torques;
 
 pub use outputs::{POWERS, SpecificForce};
 pub use start::Start;
+pub use state::{GeneralState, Rest, RestLanes, State};
+pub use torques::{DeviceTorque, DeviceTorqueLanes};
 
 use crate::compliant_ground::{ContactLanes, Ground, GroundLanes};
 use crate::config::Config;
 use crate::human_controller::gait_fsm::{self, GuardLanes, Memory, Percept};
+use crate::human_controller::impedance::ImpedanceTorqueLanes;
 use crate::human_controller::intent::Profile;
-use crate::human_controller::reference::{self, Reference, ReferenceLanes};
+use crate::human_controller::reference::{self, Reference};
 use crate::human_controller::slip_leg::{self, TrunkForceLanes};
-use crate::human_controller::{Drive, DriveLanes, Human, HumanLanes, HumanParams, LegGeometry};
+use crate::human_controller::{DriveLanes, Human, HumanLanes, HumanParams, LegGeometry};
 use crate::hybrid_dynamics::body::{Body, BodyLanes};
 use crate::hybrid_dynamics::walker::{
-    self, AccelerationLanes, JointTorque, KinematicsLanes, Loads, Motion, MotionLanes, Point, Prescribed,
-    PrescribedLanes,
+    self, AccelerationLanes, JointTorque, KinematicsLanes, Loads, Motion, Point, Prescribed, PrescribedLanes,
 };
-use crate::integrator::{HybridFlow, StateVector};
-use crate::lanes::lanes;
-use crate::math::clamp;
-use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes, extension_stop, flexion_stop};
-use crate::prosthesis_device::geared_motor::RotorLanes;
-use crate::prosthesis_device::passive_ankle::{Ankle, AnkleLanes, ankle_torque};
-use crate::prosthesis_device::{JointMotion, JointMotionLanes, KneeUnit, UnitTorque, UnitTorqueLanes};
+use crate::integrator::HybridFlow;
+use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes};
+use crate::prosthesis_device::passive_ankle::{Ankle, AnkleLanes};
+use crate::prosthesis_device::{JointMotion, JointMotionLanes, KneeUnit, UnitTorqueLanes};
 use crate::terrain::{Surface, SurfaceLanes, Terrain, TerrainLanes};
+use general::General;
+use torques::{EndJoints, EndJointsLanes, device_torque, hip_torque};
 
 /// Contact points, in the order of every array over them.
 pub const CONTACT_POINTS: usize = 4;
@@ -43,84 +47,6 @@ const BALL: usize = 1;
 /// Knee and hip touch the ground only in a fall.
 const KNEE: usize = 2;
 const HIP: usize = 3;
-
-/// Continuous state.
-#[derive(Clone, Debug, Default)]
-pub struct State<const L: usize> {
-    /// Forward-dynamics coordinates.
-    pub motion: MotionLanes<L>,
-    /// Smooth references of trunk and hip.
-    pub reference: ReferenceLanes<L>,
-    /// Time and ground deformation.
-    pub rest: RestLanes<L>,
-    /// Rotor of the knee unit; stays zero in a unit without one.
-    pub rotor: RotorLanes<L>,
-}
-
-lanes! {
-    /// Time and tangential deformation of the ground at each contact point.
-    pub struct Rest, RestLanes {
-        /// Time since the start of the trial, s.
-        time: f64,
-        /// Deformation at the heel, m.
-        heel: f64,
-        /// Deformation at the ball, m.
-        ball: f64,
-        /// Deformation at the knee, m.
-        knee: f64,
-        /// Deformation at the hip, m.
-        hip: f64,
-    }
-}
-crate::lanes::integrable!(RestLanes { time, heel, ball, knee, hip });
-
-impl<const L: usize> StateVector<L> for State<L> {
-    #[inline(always)]
-    fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
-        self.motion.add_scaled(&base.motion, step, &rate.motion);
-        self.reference.add_scaled(&base.reference, step, &rate.reference);
-        self.rest.add_scaled(&base.rest, step, &rate.rest);
-        self.rotor.add_scaled(&base.rotor, step, &rate.rotor);
-    }
-}
-
-lanes! {
-    /// Torques at the knee and ankle by origin, N m (joint signs: q5 extension positive).
-    pub struct DeviceTorque, DeviceTorqueLanes {
-        /// Knee flexion, rad.
-        knee_angle: f64,
-        /// Knee torque of the unit, end stops apart.
-        unit: f64,
-        /// T_D, the part of a damper's command.
-        damper: f64,
-        /// Extension stop, resisting, never negative.
-        extension_stop: f64,
-        /// Flexion stop, resisting, never negative.
-        flexion_stop: f64,
-        /// Knee torque tau_5.
-        knee: f64,
-        /// -d tau_5 / d q5'.
-        knee_damping: f64,
-        /// -d tau_5 / d q5.
-        knee_stiffness: f64,
-        /// Ankle torque tau_8.
-        ankle: f64,
-    }
-}
-
-lanes! {
-    /// Torque of the hip's impedance.
-    pub struct HipTorque, HipTorqueLanes {
-        /// tau_4, N m.
-        torque: f64,
-        /// Damping; 0 where the torque is at its limit.
-        damping: f64,
-        /// Stiffness; 0 where the torque is at its limit.
-        stiffness: f64,
-        /// Hip velocity relative to its reference, rad/s.
-        error_rate: f64,
-    }
-}
 
 /// Human, mechanism, ground and device of a block of walkers.
 #[derive(Clone, Debug)]
@@ -137,6 +63,10 @@ pub struct HumanProsthesis<const L: usize> {
     end_stop: EndStopLanes<L>,
     ankle: AnkleLanes<L>,
     human_params: HumanParams,
+    /// Contact points of the sole in the foot frame, heel and ball first, m.
+    sole: Vec<[f64; 2]>,
+    /// Walkers with more joints than the usual ones.
+    general: Option<Box<General<L>>>,
     // Inputs, constant over a control period.
     /// Command to the knee unit: damping coefficient, N m s^2/rad^2, or motor current, A.
     pub command: [f64; L],
@@ -160,12 +90,16 @@ pub struct HumanProsthesis<const L: usize> {
     fall_contact: bool,
     trunk_force: TrunkForceLanes<L>,
     midfoot: [f64; L],
+    /// Normal force on the rear half of the sole, N.
+    heel_force: [f64; L],
     prescribed: PrescribedLanes<L>,
-    hip_torque: HipTorqueLanes<L>,
+    hip_torque: ImpedanceTorqueLanes<L>,
     joint: JointMotionLanes<L>,
+    joints: EndJointsLanes<L>,
     unit_torque: UnitTorqueLanes<L>,
     device: DeviceTorqueLanes<L>,
     acceleration: AccelerationLanes<L>,
+    flexion_acceleration: [f64; L],
     /// Largest extension-stop torque at any evaluation since it was last cleared, N m.
     pub extension_stop_peak: [f64; L],
 }
@@ -194,6 +128,8 @@ impl<const L: usize> HumanProsthesis<L> {
             end_stop: EndStopLanes::splat(EndStop::from(&params.end_stop)),
             ankle: AnkleLanes::splat(Ankle::from(&params.ankle)),
             human_params: params.human.clone(),
+            sole: params.body.sole(),
+            general: General::new(params, body.mass),
             command: [0.0; L],
             push_x: [0.0; L],
             intent: [0.0; L],
@@ -208,14 +144,23 @@ impl<const L: usize> HumanProsthesis<L> {
             fall_contact: false,
             trunk_force: TrunkForceLanes::default(),
             midfoot: [0.0; L],
+            heel_force: [0.0; L],
             prescribed: PrescribedLanes::default(),
-            hip_torque: HipTorqueLanes::default(),
+            hip_torque: ImpedanceTorqueLanes::default(),
             joint: JointMotionLanes::default(),
+            joints: EndJointsLanes::default(),
             unit_torque: UnitTorqueLanes::default(),
             device: DeviceTorqueLanes::default(),
             acceleration: AccelerationLanes::default(),
+            flexion_acceleration: [0.0; L],
             extension_stop_peak: [0.0; L],
         }
+    }
+
+    /// A state for walkers like these; [`start`](Self::start) sets it.
+    pub fn state(&self) -> State<L> {
+        let general = self.general.as_ref().map(|general| Box::new(general.state()));
+        State { general, ..State::default() }
     }
 
     fn refresh_drive(&mut self, lane: usize) {
@@ -245,9 +190,33 @@ impl<const L: usize> HumanProsthesis<L> {
         }
     }
 
-    /// Hybrid dynamics, and the rates of the state that follow from it.
+    /// Kinematics, contacts and joints of usual walkers.
     #[inline(always)]
-    fn move_on<const LEVEL: bool>(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
+    fn sense_walker<const LEVEL: bool>(&mut self, state: &State<L>) {
+        for lane in 0..L {
+            let motion = state.motion.get(lane);
+            let kin = walker::kinematics(&self.body.get(lane), &motion, state.reference.trunk[lane]);
+            self.kinematics.set(lane, kin);
+        }
+        self.sense_feet::<LEVEL>(state);
+        self.sense_fall::<LEVEL>(state);
+        for lane in 0..L {
+            let m = state.motion.get(lane);
+            let (flexion, flexion_rate) = (m.thigh - m.shank, m.thigh_rate - m.shank_rate);
+            self.joint.set(lane, JointMotion { flexion, flexion_rate });
+            let joints = EndJoints {
+                hip: m.thigh - state.reference.trunk[lane],
+                hip_rate: m.thigh_rate - state.reference.trunk_rate[lane],
+                ankle: m.foot - m.shank - self.body.foot_mount[lane],
+                ankle_rate: m.foot_rate - m.shank_rate,
+            };
+            self.joints.set(lane, joints);
+        }
+    }
+
+    /// Hybrid dynamics of usual walkers, and the rates of the state that follow from it.
+    #[inline(always)]
+    fn move_walker<const LEVEL: bool>(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
         for lane in 0..L {
             let acceleration = walker::acceleration::<LEVEL>(
                 &self.body.get(lane),
@@ -258,39 +227,13 @@ impl<const L: usize> HumanProsthesis<L> {
                 implicit_step[lane],
             );
             self.acceleration.set(lane, acceleration);
+            self.flexion_acceleration[lane] = acceleration.thigh - acceleration.shank;
         }
-        let flexion_acceleration =
-            std::array::from_fn(|lane| self.acceleration.thigh[lane] - self.acceleration.shank[lane]);
-        self.unit.rates(&self.joint, &state.rotor, &flexion_acceleration, implicit_step, &mut rates.rotor);
-        // Rates of the state; an implicit step moves with the velocity at its end.
         for lane in 0..L {
             let step = implicit_step[lane];
-            let motion = state.motion.get(lane);
-            let acceleration = self.acceleration.get(lane);
-            let end = Motion {
-                hip_vx: motion.hip_vx + step * acceleration.hip_x,
-                hip_vy: motion.hip_vy + step * acceleration.hip_y,
-                thigh_rate: motion.thigh_rate + step * acceleration.thigh,
-                shank_rate: motion.shank_rate + step * acceleration.shank,
-                foot_rate: motion.foot_rate + step * acceleration.foot,
-                ..motion
-            };
-            rates.motion.set(
-                lane,
-                Motion {
-                    hip_x: end.hip_vx,
-                    hip_y: end.hip_vy,
-                    thigh: end.thigh_rate,
-                    shank: end.shank_rate,
-                    foot: end.foot_rate,
-                    hip_vx: acceleration.hip_x,
-                    hip_vy: acceleration.hip_y,
-                    thigh_rate: acceleration.thigh,
-                    shank_rate: acceleration.shank,
-                    foot_rate: acceleration.foot,
-                },
-            );
-            rates.rest.set(lane, self.deformation_rates::<LEVEL>(state, lane, &end, step));
+            let motion_rates = self.acceleration.get(lane).rates(&state.motion.get(lane), step);
+            rates.motion.set(lane, motion_rates);
+            rates.rest.set(lane, self.deformation_rates::<LEVEL>(state, lane, &motion_rates, step));
         }
     }
 
@@ -339,7 +282,7 @@ impl<const L: usize> HumanProsthesis<L> {
         Percept {
             time: state.rest.time[lane],
             hip_y: state.motion.hip_y[lane] - self.ground_ahead[lane],
-            heel_force: self.contacts[HEEL].normal[lane],
+            heel_force: self.heel_force[lane],
             pendulum: self.trunk_force.pendulum[lane],
             midfoot: self.midfoot[lane],
             intent: self.intent[lane],
@@ -352,26 +295,16 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
 
     #[inline(always)]
     fn sense(&mut self, state: &State<L>) {
-        for lane in 0..L {
-            let motion = state.motion.get(lane);
-            let kin = walker::kinematics(&self.body.get(lane), &motion, state.reference.trunk[lane]);
-            self.kinematics.set(lane, kin);
-        }
-        if self.level {
-            self.sense_feet::<true>(state);
-            self.sense_fall::<true>(state);
+        if let Some(mut general) = self.general.take() {
+            self.sense_general(&mut general, state);
+            self.general = Some(general);
+        } else if self.level {
+            self.sense_walker::<true>(state);
         } else {
-            self.sense_feet::<false>(state);
-            self.sense_fall::<false>(state);
+            self.sense_walker::<false>(state);
         }
         for lane in 0..L {
             self.sense_trunk_force(state, lane);
-        }
-        for lane in 0..L {
-            let motion = state.motion.get(lane);
-            let flexion = motion.thigh - motion.shank;
-            let flexion_rate = motion.thigh_rate - motion.shank_rate;
-            self.joint.set(lane, JointMotion { flexion, flexion_rate });
         }
         self.sense_command(state);
     }
@@ -382,7 +315,6 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
         for lane in 0..L {
             let drive = self.drive.get(lane);
             let smooth = state.reference.get(lane);
-            let motion = state.motion.get(lane);
             let step = implicit_step[lane];
             let thigh = reference::rough_thigh(&drive, state.rest.time[lane]);
             let filter = |rough: f64, value: f64, rate: f64| {
@@ -403,7 +335,7 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
                     hip_rate: hip_acceleration,
                 },
             );
-            self.hip_torque.set(lane, hip_torque(&drive, &motion, &smooth));
+            self.hip_torque.set(lane, hip_torque(&drive, &self.joints.get(lane), &smooth));
         }
         // Prosthesis device.
         self.unit.torques(&self.joint, &state.rotor, &self.command, implicit_step, &mut self.unit_torque);
@@ -413,17 +345,20 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
                 &self.joint.get(lane),
                 &self.end_stop.get(lane),
                 &self.ankle.get(lane),
-                self.body.foot_mount[lane],
-                &state.motion.get(lane),
+                &self.joints.get(lane),
             );
             self.device.set(lane, torque);
             self.extension_stop_peak[lane] = crate::math::max(torque.extension_stop, self.extension_stop_peak[lane]);
         }
-        if self.level {
-            self.move_on::<true>(state, implicit_step, rates);
+        if let Some(mut general) = self.general.take() {
+            self.move_general(&mut general, state, implicit_step, rates);
+            self.general = Some(general);
+        } else if self.level {
+            self.move_walker::<true>(state, implicit_step, rates);
         } else {
-            self.move_on::<false>(state, implicit_step, rates);
+            self.move_walker::<false>(state, implicit_step, rates);
         }
+        self.unit.rates(&self.joint, &state.rotor, &self.flexion_acceleration, implicit_step, &mut rates.rotor);
     }
 
     #[inline(always)]
@@ -450,44 +385,4 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
 #[inline(always)]
 fn hip_point(motion: &Motion) -> Point {
     Point { x: motion.hip_x, y: motion.hip_y, vx: motion.hip_vx, vy: motion.hip_vy }
-}
-
-/// Impedance of the hip about its smooth reference, limited (section 4.1; sign so that it attracts).
-#[inline(always)]
-fn hip_torque(drive: &Drive, motion: &Motion, smooth: &Reference) -> HipTorque {
-    let error = smooth.hip - (motion.thigh - smooth.trunk);
-    let error_rate = smooth.hip_rate - (motion.thigh_rate - smooth.trunk_rate);
-    let free = drive.hip_stiffness * error + drive.hip_damping * error_rate;
-    let acts = free.abs() < drive.hip_limit;
-    HipTorque {
-        torque: clamp(free, -drive.hip_limit, drive.hip_limit),
-        damping: crate::math::select(acts, drive.hip_damping, 0.0),
-        stiffness: crate::math::select(acts, drive.hip_stiffness, 0.0),
-        error_rate: -error_rate,
-    }
-}
-
-/// Knee torque of unit and end stops, and ankle torque (section 5.2.1).
-#[inline(always)]
-fn device_torque(
-    unit: &UnitTorque,
-    joint: &JointMotion,
-    stop: &EndStop,
-    ankle: &Ankle,
-    foot_mount: f64,
-    motion: &Motion,
-) -> DeviceTorque {
-    let extension = extension_stop(stop, joint.flexion, joint.flexion_rate);
-    let flexion = flexion_stop(stop, joint.flexion, joint.flexion_rate);
-    DeviceTorque {
-        knee_angle: joint.flexion,
-        unit: unit.torque,
-        damper: unit.damper,
-        extension_stop: extension.torque,
-        flexion_stop: flexion.torque,
-        knee: unit.torque - extension.torque + flexion.torque,
-        knee_damping: unit.damping + extension.damping + flexion.damping,
-        knee_stiffness: unit.stiffness + extension.stiffness + flexion.stiffness,
-        ankle: ankle_torque(ankle, motion.foot - motion.shank - foot_mount, motion.foot_rate - motion.shank_rate),
-    }
 }

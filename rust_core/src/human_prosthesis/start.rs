@@ -1,11 +1,12 @@
 //! How a trial starts: from standing, or at the heel strike of a cyclic step.
 
-use super::{HumanProsthesis, Rest, State};
+use super::{HEEL, HumanProsthesis, Rest, State};
 use crate::human_controller::HumanParams;
 use crate::human_controller::gait_fsm::Memory;
 use crate::human_controller::reference::Reference;
 use crate::hybrid_dynamics::body::Body;
 use crate::hybrid_dynamics::walker::{self, Motion};
+use crate::math::sin_cos;
 
 /// Posture and speed that a trial starts from (section 5.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -40,17 +41,22 @@ impl<const L: usize> HumanProsthesis<L> {
         };
         let kin = walker::kinematics(&body, &motion, reference.trunk);
         let (leg_x, leg_y) = (kin.thigh_x + kin.shank_x, kin.thigh_y + kin.shank_y);
-        // Hip heights that put heel and ball on the ground.
-        let heel = self.ground_height(lane, leg_x + kin.heel_x) - (leg_y + kin.heel_y);
-        let ball = self.ground_height(lane, leg_x + kin.ball_x) - (leg_y + kin.ball_y);
+        // Hip height that puts a point of the sole on the ground.
+        let touching = |[x, y]: [f64; 2]| {
+            let [arm_x, arm_y] = foot_arm(motion.foot, [x, y]);
+            self.ground_height(lane, leg_x + arm_x) - (leg_y + arm_y)
+        };
         motion.hip_y = match start {
-            Start::Standing => heel.max(ball) - STANDING_DEPTH,
-            Start::Cyclic => heel,
+            Start::Standing => {
+                self.sole.iter().copied().map(touching).fold(f64::NEG_INFINITY, f64::max) - STANDING_DEPTH
+            }
+            Start::Cyclic => touching(self.sole[HEEL]),
         };
         reference.trunk_rate = 0.0;
         state.motion.set(lane, motion);
         state.reference.set(lane, reference);
         state.rest.set(lane, Rest::default());
+        Self::start_general(state, lane, reference.trunk);
         let rotor = self.unit.start(lane, motion.thigh - motion.shank);
         state.rotor.set(lane, rotor);
         self.memory[lane] = match start {
@@ -59,6 +65,12 @@ impl<const L: usize> HumanProsthesis<L> {
         };
         self.refresh_drive(lane);
     }
+}
+
+/// A point of the foot from the ankle, world axes, with the foot at `angle` (rad).
+fn foot_arm(angle: f64, [x, y]: [f64; 2]) -> [f64; 2] {
+    let (sin, cos) = sin_cos(angle);
+    [x * cos - y * sin, x * sin + y * cos]
 }
 
 /// Posture with the given thigh angle and knee flexion (rad), ankle at rest, hip at the origin.

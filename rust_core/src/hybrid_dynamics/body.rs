@@ -12,6 +12,8 @@ params! {
         trunk_inertia_kg_m2: f64 = 4.401, "kg m^2", within(0.0, 100.0);
         /// Height of the trunk's centre of mass above the hip (Table 1).
         trunk_com_y_m: f64 = 0.325, "m", within(-1.0, 1.0);
+        /// Top of the trunk above the hip: a contact point in a fall where the trunk is a forward joint.
+        trunk_top_m: f64 = 0.6, "m", above(0.0, 2.0);
         /// Thigh mass (Table 1).
         thigh_mass_kg: f64 = 9.0, "kg", above(0.0, 100.0);
         /// Thigh inertia about its centre of mass (Table 1).
@@ -48,8 +50,29 @@ params! {
         heel_x_m: f64 = -0.025, "m", within(-0.5, 0.5);
         /// Ball contact point, forward of the ankle (Table 1).
         ball_x_m: f64 = 0.15, "m", within(-0.5, 0.5);
+        /// Contact points of the sole: heel, ball, and the others between them.
+        sole_points: usize = 2, "", within(2.0, 32.0);
+        /// Radius of the arc from heel to ball on which the points between them lie; 0 for a straight sole.
+        sole_radius_m: f64 = 0.0, "m", within(0.0, 100.0);
         /// Toe-up mounting of the foot on the tube; the ankle spring rests there (section 5.2.1, q_8,0).
         foot_mount_deg: f64 = 4.0, "deg", within(-30.0, 30.0);
+    }
+}
+
+impl BodyParams {
+    /// Contact points of the sole in the foot frame, m: heel, ball, then those between them from back to front.
+    pub fn sole(&self) -> Vec<[f64; 2]> {
+        let (half, middle) = (0.5 * (self.ball_x_m - self.heel_x_m), 0.5 * (self.ball_x_m + self.heel_x_m));
+        let chord = -self.foot_height_m;
+        let below_chord = |x: f64| {
+            let radius = self.sole_radius_m;
+            if radius == 0.0 { 0.0 } else { (radius * radius - x * x).sqrt() - (radius * radius - half * half).sqrt() }
+        };
+        let between = (1..self.sole_points - 1).map(|i| {
+            let x = half * (2.0 * i as f64 / (self.sole_points - 1) as f64 - 1.0);
+            [middle + x, chord - below_chord(x)]
+        });
+        [[self.heel_x_m, chord], [self.ball_x_m, chord]].into_iter().chain(between).collect()
     }
 }
 

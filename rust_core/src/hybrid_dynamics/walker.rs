@@ -209,6 +209,25 @@ lanes! {
     }
 }
 
+impl Acceleration {
+    /// Rates of `motion`: its own velocities (at the end of an implicit step of length `step`) and these accelerations.
+    #[inline(always)]
+    pub fn rates(&self, motion: &Motion, step: f64) -> Motion {
+        Motion {
+            hip_x: motion.hip_vx + step * self.hip_x,
+            hip_y: motion.hip_vy + step * self.hip_y,
+            thigh: motion.thigh_rate + step * self.thigh,
+            shank: motion.shank_rate + step * self.shank,
+            foot: motion.foot_rate + step * self.foot,
+            hip_vx: self.hip_x,
+            hip_vy: self.hip_y,
+            thigh_rate: self.thigh,
+            shank_rate: self.shank,
+            foot_rate: self.foot,
+        }
+    }
+}
+
 /// All that acts on the mechanism besides gravity.
 #[derive(Clone, Copy, Debug)]
 pub struct Loads {

@@ -4,8 +4,16 @@ use super::body::BodyParams;
 use super::chain::Joint;
 use super::chain::JointKind::{PrismaticX, PrismaticY, Revolute};
 
+/// Index of the trunk's rotation.
+pub const TRUNK: usize = 2;
+/// Index of the hip.
+pub const HIP: usize = 3;
+
 /// The eight joints of Table 1: 0 px, 1 py (the hip), 2 trunk, 3 hip, 4 knee, 5 tube extension, 6 tube rotation, 7 ankle.
-pub fn walker_joints(p: &BodyParams) -> Vec<Joint> {
+///
+/// A `socket` at that share of the thigh's length comes before the knee as joints 4 (pistoning) and 5 (tilt); knee, tube
+/// and ankle are then joints 6 to 9, and the thigh's mass stays above it (section 5.2.3).
+pub fn walker_joints(p: &BodyParams, socket: Option<f64>) -> Vec<Joint> {
     let trunk = Joint {
         mass: p.trunk_mass_kg,
         com: [0.0, p.trunk_com_y_m],
@@ -18,8 +26,13 @@ pub fn walker_joints(p: &BodyParams) -> Vec<Joint> {
         inertia: p.thigh_inertia_kg_m2,
         ..Joint::massless(Revolute)
     };
+    let mut joints = vec![Joint::massless(PrismaticX), Joint::massless(PrismaticY), trunk, thigh];
+    if let Some(place) = socket {
+        let pistoning = Joint { offset: [0.0, -place * p.thigh_length_m], ..Joint::massless(PrismaticY) };
+        joints.extend([pistoning, Joint::massless(Revolute)]);
+    }
     let calf = Joint {
-        offset: [0.0, -p.thigh_length_m],
+        offset: [0.0, -(1.0 - socket.unwrap_or(0.0)) * p.thigh_length_m],
         mass: p.calf_mass_kg,
         com: [p.calf_com_x_m, p.calf_com_y_m],
         inertia: p.calf_inertia_kg_m2,
@@ -34,14 +47,6 @@ pub fn walker_joints(p: &BodyParams) -> Vec<Joint> {
         inertia: p.foot_inertia_kg_m2,
         ..Joint::massless(Revolute)
     };
-    vec![
-        Joint::massless(PrismaticX),
-        Joint::massless(PrismaticY),
-        trunk,
-        thigh,
-        calf,
-        tube_extension,
-        Joint::massless(Revolute),
-        foot,
-    ]
+    joints.extend([calf, tube_extension, Joint::massless(Revolute), foot]);
+    joints
 }

@@ -5,6 +5,9 @@
 pub mod end_stop;
 pub mod geared_motor;
 pub mod passive_ankle;
+pub mod socket;
+pub mod spring_damper;
+pub mod tube;
 pub mod variable_damper;
 
 use serde::{Deserialize, Serialize};

@@ -9,6 +9,7 @@ use super::{depythonize, read_config};
 use crate::error::{Error, Result};
 use crate::hybrid_dynamics::chain::{Chain, ExternalForce, Frame, Joint, Vector, Workspace};
 use crate::hybrid_dynamics::walker_chain::walker_joints;
+use crate::prosthesis_device::spring_damper::Connection;
 
 type Rows<'py, T = f64> = PyReadonlyArray2<'py, T>;
 type Output<'py> = PyResult<Bound<'py, PyArray2<f64>>>;
@@ -233,6 +234,8 @@ impl PyChain {
 /// The walker's joints of Table 1 for a configuration, as `Chain` takes them.
 #[pyfunction(name = "walker_joints")]
 pub fn walker_joints_of<'py>(py: Python<'py>, config: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
-    let joints = walker_joints(&read_config(config)?.body);
+    let config = read_config(config)?;
+    let socket = (config.socket.connection == Connection::Compliant).then_some(config.socket.place);
+    let joints = walker_joints(&config.body, socket);
     pythonize::pythonize(py, &joints).map_err(|error| PyValueError::new_err(error.to_string()))
 }

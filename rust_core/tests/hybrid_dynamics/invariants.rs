@@ -36,7 +36,7 @@ fn hybrid_after_inverse_dynamics_is_the_identity_for_every_split() {
 /// Section 5.2.3: two joints at mid-thigh, between massless bodies, all of them with forces of their own.
 #[test]
 fn the_ten_joint_socket_chain_of_massless_bodies_can_be_split() {
-    let mut joints = walker_joints(&BodyParams::default());
+    let mut joints = walker_joints(&BodyParams::default(), None);
     joints[CALF].offset = [0.0, -0.21];
     let socket = Joint { offset: [0.0, -0.21], ..Joint::massless(PrismaticY) };
     joints.splice(CALF..CALF, [socket, Joint::massless(Revolute)]);
@@ -142,7 +142,7 @@ fn work_of_joints_and_forces_becomes_energy() {
 #[test]
 fn a_split_that_leaves_massless_motion_free_is_an_error_that_names_its_joints() {
     let refusal = |change: fn(&mut Joint), forward: [bool; 8]| {
-        let mut joints = walker_joints(&BodyParams::default());
+        let mut joints = walker_joints(&BodyParams::default(), None);
         change(&mut joints[FOOT]);
         let chain = Chain::new(joints, DOWN).unwrap();
         let (mut qdd, mut tau) = ([1.0; 8], [2.0; 8]);

@@ -96,7 +96,7 @@ fn the_specialised_walker_is_the_general_chain_of_table_1() {
     let mut worst = 0.0_f64;
     for case in 0..4000 {
         let params = if case % 2 == 0 { BodyParams::default() } else { random_body(&mut random) };
-        let chain = Chain::new(walker_joints(&params), DOWN).unwrap();
+        let chain = Chain::new(walker_joints(&params, None), DOWN).unwrap();
         let body = Body::from(&params);
 
         let (motion, trunk) = random_motion(&mut random);

@@ -87,6 +87,25 @@ impl Chain {
         forward: &[bool],
         external_forces: &[ExternalForce],
     ) -> Result<()> {
+        self.hybrid_dynamics_with_added_inertia(work, q, qd, qdd, tau, forward, external_forces, None)
+    }
+
+    /// The same with a symmetric matrix (n x n, row by row) added to the inertia that the forward joints feel.
+    ///
+    /// A linearly implicit step of length h adds `h D + h^2 K` of stiff forces; `tau` of the inverse joints stays the one
+    /// of the chain's own inertia.
+    #[expect(clippy::too_many_arguments, reason = "as above")]
+    pub fn hybrid_dynamics_with_added_inertia(
+        &self,
+        work: &mut Workspace,
+        q: &[f64],
+        qd: &[f64],
+        qdd: &mut [f64],
+        tau: &mut [f64],
+        forward: &[bool],
+        external_forces: &[ExternalForce],
+        added: Option<&[f64]>,
+    ) -> Result<()> {
         let n = self.joints.len();
         self.check("q", q)?;
         self.check("qd", qd)?;
@@ -94,6 +113,9 @@ impl Chain {
             self.check_length(name, length, n)?;
         }
         self.check_external_forces(external_forces)?;
+        if let Some(added) = added {
+            self.check_length("added", added.len(), n * n)?;
+        }
         work.fit(n);
 
         // C': the forces that would leave the forward joints unaccelerated.
@@ -107,8 +129,14 @@ impl Chain {
 
         // H_11 qdd_1 = tau_1 - C'_1 of the forward joints, then tau_2 = C'_2 + H_21 qdd_1 of the others.
         let free: Vec<usize> = (0..n).filter(|&i| forward[i]).collect();
-        let inertia = Mat::from_fn(free.len(), free.len(), |i, j| work.mass_matrix[free[i] * n + free[j]]);
-        let mut solution = Mat::from_fn(free.len(), 1, |i, _| tau[free[i]] - work.forces[free[i]]);
+        let added = |i: usize, j: usize| added.map_or(0.0, |added| added[i * n + j]);
+        let inertia = Mat::from_fn(free.len(), free.len(), |i, j| {
+            work.mass_matrix[free[i] * n + free[j]] + added(free[i], free[j])
+        });
+        let mut solution = Mat::from_fn(free.len(), 1, |i, _| {
+            let given: f64 = (0..n).filter(|&j| !forward[j]).map(|j| added(free[i], j) * qdd[j]).sum();
+            tau[free[i]] - work.forces[free[i]] - given
+        });
         self.solve(&inertia, &mut solution, &free)?;
         for (i, &joint) in free.iter().enumerate() {
             qdd[joint] = solution[(i, 0)];

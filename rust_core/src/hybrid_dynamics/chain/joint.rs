@@ -66,6 +66,11 @@ impl Joint {
         }
     }
 
+    /// Velocity of the world's point `target` per unit of joint velocity, were it fixed to the body in frame `world`.
+    pub(super) fn carries(&self, world: &Frame, target: Vector) -> Vector {
+        world.rotate(self.axis().at(world.local_point(target)))
+    }
+
     /// Inertia of the body about the origin of its frame.
     pub(super) fn inertia(&self) -> Inertia {
         Inertia::new(self.mass, self.com, self.inertia)

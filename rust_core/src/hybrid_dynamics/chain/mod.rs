@@ -8,6 +8,7 @@
 mod dynamics;
 mod joint;
 mod planar;
+mod posture;
 
 use std::ops::Add;
 
@@ -18,6 +19,7 @@ pub use dynamics::Workspace;
 pub use joint::{Joint, JointKind};
 pub use planar::{Frame, Vector};
 use planar::{Inertia, Twist, Wrench};
+pub use posture::Posture;
 
 /// A force on a point of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -104,8 +106,7 @@ impl Chain {
         let target = self.body(q, None, body)?.world.point(point);
         jacobian.fill(0.0);
         for (i, carrier) in self.outwards(q, None).enumerate().take(body + 1) {
-            let carried = carrier.joint.axis().at(carrier.world.local_point(target));
-            [jacobian[i], jacobian[n + i]] = carrier.world.rotate(carried);
+            [jacobian[i], jacobian[n + i]] = carrier.joint.carries(&carrier.world, target);
         }
         Ok(())
     }

@@ -1,0 +1,226 @@
+//! The system with a general walker: the same blocks, wired to the general chain walker by walker instead of lane by lane.
+
+use super::footing::{point_force, touch};
+use super::state::GeneralState;
+use super::torques::{EndJoints, trunk_torque};
+use super::{BALL, CONTACT_POINTS, HEEL, HIP, HumanProsthesis, KNEE, Rest, State};
+use crate::compliant_ground::{self, ContactLanes};
+use crate::config::Config;
+use crate::human_controller::impedance::ImpedanceTorque;
+use crate::hybrid_dynamics::general_walker::{Deflection, Evaluation, GeneralWalker, JointDrive, Layout};
+use crate::hybrid_dynamics::walker::{JointTorque, Prescribed};
+use crate::prosthesis_device::JointMotion;
+use crate::prosthesis_device::socket::socket;
+use crate::prosthesis_device::spring_damper::{Connection, SpringDamper};
+use crate::prosthesis_device::tube::tube;
+use crate::terrain::{Surface, SurfaceLanes};
+
+/// A block of general walkers.
+#[derive(Clone, Debug)]
+pub(super) struct General<const L: usize> {
+    pub walker: GeneralWalker,
+    pub evaluations: Vec<Evaluation>,
+    socket: [SpringDamper; 2],
+    tube: Option<[SpringDamper; 2]>,
+    trunk_forward: bool,
+    hip_forward: bool,
+    /// Contacts after heel, ball, knee and hip, and the surfaces below them.
+    pub contacts: Vec<ContactLanes<L>>,
+    pub surfaces: Vec<SurfaceLanes<L>>,
+    /// How many of those contacts belong to the sole, and to its rear half.
+    pub sole: usize,
+    rear: usize,
+}
+
+impl<const L: usize> General<L> {
+    /// The general walker that the configuration asks for; `None` if it is the usual one.
+    pub fn new(config: &Config, mass: f64) -> Option<Box<Self>> {
+        let layout = Layout {
+            trunk_forward: config.mechanism.trunk == JointDrive::Forward,
+            hip_forward: config.mechanism.hip == JointDrive::Forward,
+            socket: (config.socket.connection == Connection::Compliant).then_some(config.socket.place),
+            tube_forward: config.tube.connection == Connection::Compliant,
+        };
+        let usual = Layout { trunk_forward: false, hip_forward: true, socket: None, tube_forward: false };
+        let sole = config.body.sole_points - 2;
+        if layout == usual && sole == 0 {
+            return None;
+        }
+        let walker = GeneralWalker::new(&config.body, &layout).expect("segments within their ranges make a chain");
+        let more = walker.points() - CONTACT_POINTS;
+        let body = &config.body;
+        // Inertia of the foot about the tube's sensor, its mass lumped at the ankle.
+        let foot_inertia = body.foot_inertia_kg_m2
+            + body.foot_mass_kg * (body.foot_com_x_m.powi(2) + body.foot_com_y_m.powi(2) + body.tube_length_m.powi(2));
+        Some(Box::new(Self {
+            walker,
+            evaluations: vec![Evaluation::default(); L],
+            socket: socket(&config.socket, mass),
+            tube: layout.tube_forward.then(|| tube(&config.tube, body.foot_mass_kg, foot_inertia)),
+            trunk_forward: layout.trunk_forward,
+            hip_forward: layout.hip_forward,
+            contacts: vec![ContactLanes::default(); more],
+            surfaces: vec![SurfaceLanes::splat(Surface::LEVEL); more],
+            sole,
+            rear: sole / 2,
+        }))
+    }
+
+    /// State of walkers like these, at rest.
+    pub fn state(&self) -> GeneralState<L> {
+        GeneralState { deformation: vec![[0.0; L]; self.contacts.len()], ..GeneralState::default() }
+    }
+
+    /// Normal force on the points of the sole between heel and ball, N: of its rear half, of its front half.
+    pub fn sole_load(&self, lane: usize) -> [f64; 2] {
+        let sum = |contacts: &[ContactLanes<L>]| contacts.iter().map(|contact| contact.normal[lane]).sum();
+        [sum(&self.contacts[..self.rear]), sum(&self.contacts[self.rear..self.sole])]
+    }
+}
+
+fn springs([first, second]: [SpringDamper; 2]) -> [(f64, f64); 2] {
+    [(first.stiffness, first.damping), (second.stiffness, second.damping)]
+}
+
+fn joint_torque(impedance: &ImpedanceTorque) -> JointTorque {
+    JointTorque { torque: impedance.torque, damping: impedance.damping, stiffness: impedance.stiffness }
+}
+
+impl<const L: usize> HumanProsthesis<L> {
+    /// Contacts and joints of general walkers.
+    pub(super) fn sense_general(&mut self, general: &mut General<L>, state: &State<L>) {
+        let Some(extra) = &state.general else { return };
+        for lane in 0..L {
+            let work = &mut general.evaluations[lane];
+            let smooth = state.reference.get(lane);
+            let trunk = Prescribed { angle: smooth.trunk, rate: smooth.trunk_rate, acceleration: 0.0 };
+            let motion = state.motion.get(lane);
+            let (deflection, rates) = (extra.deflection.get(lane), extra.deflection_rate.get(lane));
+            general.walker.assume(work, &motion, &deflection, &rates, &trunk);
+
+            let [(flexion, flexion_rate), (hip, hip_rate), (ankle, ankle_rate)] = general.walker.joints(work);
+            self.joint.set(lane, JointMotion { flexion, flexion_rate });
+            self.joints.set(lane, EndJoints { hip, hip_rate, ankle, ankle_rate });
+
+            let ground = self.ground.get(lane);
+            let rest = state.rest.get(lane);
+            let usual = [rest.heel, rest.ball, rest.knee, rest.hip];
+            for index in 0..general.walker.points() {
+                let point = general.walker.point(&general.evaluations[lane], index);
+                let surface = self.surface_at(lane, point.x);
+                let more = index.checked_sub(CONTACT_POINTS);
+                let deformation = more.map_or_else(|| usual[index], |more| extra.deformation[more][lane]);
+                let contact = touch::<false>(&ground, &surface, &point, deformation);
+                let (contacts, surfaces) = match more {
+                    None => (&mut self.contacts[index], &mut self.surfaces[index]),
+                    Some(more) => (&mut general.contacts[more], &mut general.surfaces[more]),
+                };
+                contacts.set(lane, contact);
+                surfaces.set(lane, surface);
+            }
+            let heel = general.walker.point(&general.evaluations[lane], HEEL);
+            self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
+            self.heel_force[lane] = self.contacts[HEEL].normal[lane] + general.sole_load(lane)[0];
+            let reach = self.human.leg_length[lane] * self.human.touch_down_sin[lane];
+            self.ground_ahead[lane] = self.ground_height(lane, motion.hip_x + reach);
+        }
+    }
+
+    /// Hybrid dynamics of general walkers, and the rates of the state that follow from it.
+    pub(super) fn move_general(
+        &mut self,
+        general: &mut General<L>,
+        state: &State<L>,
+        implicit_step: &[f64; L],
+        rates: &mut State<L>,
+    ) {
+        let (Some(extra), Some(extra_rates)) = (&state.general, &mut rates.general) else { return };
+        for lane in 0..L {
+            let step = implicit_step[lane];
+            let work = &mut general.evaluations[lane];
+            let smooth = state.reference.get(lane);
+            let walker = &general.walker;
+            let (deflection, deflection_rate) = (extra.deflection.get(lane), extra.deflection_rate.get(lane));
+
+            walker.begin(work, self.prescribed.acceleration[lane], rates.reference.hip_rate[lane]);
+            if general.trunk_forward {
+                let torque = trunk_torque(&self.drive.get(lane), deflection.trunk, deflection_rate.trunk, &smooth);
+                walker.drive_trunk(work, &joint_torque(&torque), torque.error_rate, step);
+            }
+            if general.hip_forward {
+                let torque = self.hip_torque.get(lane);
+                walker.drive_hip(work, &joint_torque(&torque), torque.error_rate, step);
+            }
+            let (device, ankle) = (self.device.get(lane), self.ankle.get(lane));
+            let knee =
+                JointTorque { torque: device.knee, damping: device.knee_damping, stiffness: device.knee_stiffness };
+            let ankle = JointTorque { torque: device.ankle, damping: ankle.damping, stiffness: ankle.stiffness };
+            walker.drive_device(work, &knee, &ankle, step);
+            walker.drive_socket(work, springs(general.socket), step);
+            if let Some(tube) = general.tube {
+                walker.drive_tube(work, springs(tube), step);
+            }
+            let trunk = self.trunk_force.get(lane);
+            walker.push_trunk(work, trunk.x + self.push_x[lane], trunk.y);
+            let usual = self.contacts.iter().zip(&self.surfaces);
+            let more = general.contacts.iter().zip(&general.surfaces);
+            for (index, (contact, surface)) in usual.chain(more).enumerate() {
+                walker.push_point(work, index, &point_force(&contact.get(lane), &surface.get(lane)), step);
+            }
+            walker.solve(work);
+
+            let acceleration = walker.acceleration(work);
+            self.acceleration.set(lane, acceleration);
+            self.flexion_acceleration[lane] = walker.flexion_acceleration(work);
+            if !general.hip_forward {
+                self.hip_torque.torque[lane] = walker.forces(work).hip;
+            }
+            rates.motion.set(lane, acceleration.rates(&state.motion.get(lane), step));
+            let second = walker.deflection_acceleration(work);
+            extra_rates.deflection_rate.set(lane, second);
+            extra_rates.deflection.set(
+                lane,
+                Deflection {
+                    trunk: deflection_rate.trunk + step * second.trunk,
+                    socket_shift: deflection_rate.socket_shift + step * second.socket_shift,
+                    socket_tilt: deflection_rate.socket_tilt + step * second.socket_tilt,
+                    tube_shift: deflection_rate.tube_shift + step * second.tube_shift,
+                    tube_tilt: deflection_rate.tube_tilt + step * second.tube_tilt,
+                },
+            );
+
+            let ground = self.ground.get(lane);
+            let follow = |index: usize, contact: &ContactLanes<L>, surface: &SurfaceLanes<L>, deformation: f64| {
+                let [vx, vy] = walker.end_velocity(work, index, step);
+                let (along, _) = surface.get(lane).along_and_across(vx, vy);
+                compliant_ground::deformation_rate(&ground, &contact.get(lane), deformation, along, step)
+            };
+            let rest = state.rest.get(lane);
+            let usual = |index: usize, deformation: f64| {
+                follow(index, &self.contacts[index], &self.surfaces[index], deformation)
+            };
+            let deformation_rates = Rest {
+                time: 1.0,
+                heel: usual(HEEL, rest.heel),
+                ball: usual(BALL, rest.ball),
+                knee: usual(KNEE, rest.knee),
+                hip: usual(HIP, rest.hip),
+            };
+            rates.rest.set(lane, deformation_rates);
+            for more in 0..general.contacts.len() {
+                let deformation = extra.deformation[more][lane];
+                extra_rates.deformation[more][lane] =
+                    follow(CONTACT_POINTS + more, &general.contacts[more], &general.surfaces[more], deformation);
+            }
+        }
+    }
+
+    /// Puts the general part of a walker in `lane` at rest with its trunk at `trunk` (rad).
+    pub(super) fn start_general(state: &mut State<L>, lane: usize, trunk: f64) {
+        if let Some(extra) = &mut state.general {
+            extra.deflection.set(lane, Deflection { trunk, ..Deflection::default() });
+            extra.deflection_rate.set(lane, Deflection::default());
+            extra.deformation.iter_mut().for_each(|column| column[lane] = 0.0);
+        }
+    }
+}

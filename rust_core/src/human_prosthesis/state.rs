@@ -1,0 +1,103 @@
+//! Continuous state of the human-prosthesis system.
+
+use crate::human_controller::reference::ReferenceLanes;
+use crate::hybrid_dynamics::general_walker::DeflectionLanes;
+use crate::hybrid_dynamics::walker::MotionLanes;
+use crate::integrator::StateVector;
+use crate::lanes::{integrable, lanes};
+use crate::prosthesis_device::geared_motor::RotorLanes;
+
+/// Continuous state.
+#[derive(Clone, Debug, Default)]
+pub struct State<const L: usize> {
+    /// Forward-dynamics coordinates.
+    pub motion: MotionLanes<L>,
+    /// Smooth references of trunk and hip.
+    pub reference: ReferenceLanes<L>,
+    /// Time and ground deformation.
+    pub rest: RestLanes<L>,
+    /// Rotor of the knee unit; stays zero in a unit without one.
+    pub rotor: RotorLanes<L>,
+    /// What only a general walker has.
+    pub general: Option<Box<GeneralState<L>>>,
+}
+
+lanes! {
+    /// Time and tangential deformation of the ground at each contact point.
+    pub struct Rest, RestLanes {
+        /// Time since the start of the trial, s.
+        time: f64,
+        /// Deformation at the heel, m.
+        heel: f64,
+        /// Deformation at the ball, m.
+        ball: f64,
+        /// Deformation at the knee, m.
+        knee: f64,
+        /// Deformation at the hip, m.
+        hip: f64,
+    }
+}
+integrable!(RestLanes { time, heel, ball, knee, hip });
+
+/// State of a general walker beyond the usual one's.
+#[derive(Clone, Debug, Default)]
+pub struct GeneralState<const L: usize> {
+    /// Deflections of what is rigid in the usual walker.
+    pub deflection: DeflectionLanes<L>,
+    /// Their rates.
+    pub deflection_rate: DeflectionLanes<L>,
+    /// Deformation of the ground at the contact points after heel, ball, knee and hip, m.
+    pub deformation: Vec<[f64; L]>,
+}
+
+impl<const L: usize> StateVector<L> for GeneralState<L> {
+    fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
+        self.deflection.add_scaled(&base.deflection, step, &rate.deflection);
+        self.deflection_rate.add_scaled(&base.deflection_rate, step, &rate.deflection_rate);
+        for ((sum, base), rate) in self.deformation.iter_mut().zip(&base.deformation).zip(&rate.deformation) {
+            for lane in 0..L {
+                sum[lane] = base[lane] + step[lane] * rate[lane];
+            }
+        }
+    }
+}
+
+impl<const L: usize> StateVector<L> for State<L> {
+    #[inline(always)]
+    fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
+        self.motion.add_scaled(&base.motion, step, &rate.motion);
+        self.reference.add_scaled(&base.reference, step, &rate.reference);
+        self.rest.add_scaled(&base.rest, step, &rate.rest);
+        self.rotor.add_scaled(&base.rotor, step, &rate.rotor);
+        if let (Some(sum), Some(base), Some(rate)) = (&mut self.general, &base.general, &rate.general) {
+            sum.add_scaled(base, step, rate);
+        }
+    }
+}
+
+impl<const L: usize> State<L> {
+    /// Sum of all state variables of a lane: finite only if all of them are.
+    #[inline(always)]
+    pub fn checksum(&self, lane: usize) -> f64 {
+        let m = self.motion.get(lane);
+        let r = self.reference.get(lane);
+        let d = self.rest.get(lane);
+        let general = self.general.as_ref().map_or(0.0, |general| general.checksum(lane));
+        (m.hip_x + m.hip_y + m.thigh + m.shank + m.foot)
+            + (m.hip_vx + m.hip_vy + m.thigh_rate + m.shank_rate + m.foot_rate)
+            + (r.trunk + r.trunk_rate + r.hip + r.hip_rate)
+            + (d.heel + d.ball + d.knee + d.hip)
+            + (self.rotor.angle[lane] + self.rotor.rate[lane])
+            + general
+    }
+}
+
+impl<const L: usize> GeneralState<L> {
+    fn checksum(&self, lane: usize) -> f64 {
+        let sum = [&self.deflection, &self.deflection_rate].map(|d| {
+            let d = d.get(lane);
+            d.trunk + d.socket_shift + d.socket_tilt + d.tube_shift + d.tube_tilt
+        });
+        sum[0] + sum[1] + self.deformation.iter().map(|column| column[lane]).sum::<f64>()
+    }
+}
