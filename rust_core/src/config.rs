@@ -17,11 +17,13 @@ use crate::prosthesis_device::end_stop::EndStopParams;
 use crate::prosthesis_device::geared_motor::GearedMotorParams;
 use crate::prosthesis_device::passive_ankle::AnkleParams;
 use crate::prosthesis_device::socket::SocketParams;
-use crate::prosthesis_device::tube::TubeParams;
+use crate::prosthesis_device::spring_damper::Connection;
+use crate::prosthesis_device::tube::{TubeParams, tube};
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
 use crate::reward::RewardParams;
 use crate::scenario::ScenarioParams;
 use crate::sensors::SensorParams;
+use crate::signals::CONTROL_PERIOD_S;
 use crate::termination::TerminationParams;
 
 /// Which stepper advances the continuous system, and in how many steps per control period.
@@ -68,9 +70,11 @@ impl SolverParams {
     fn validate(&self, path: &str) -> Result<()> {
         // Explicit steps diverge on the contact damping above about 0.3 ms.
         let fewest = if self.stepper == Stepper::Rk4 { 20.0 } else { 1.0 };
-        within(fewest, 10_000.0).check(&format!("{path}.steps"), self.steps as f64, "")
+        within(fewest, MOST_STEPS).check(&format!("{path}.steps"), self.steps as f64, "")
     }
 }
+
+const MOST_STEPS: f64 = 10_000.0;
 
 macro_rules! tree {
     ($(#[$meta:meta])* pub struct $Name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)+ }) => {
@@ -179,6 +183,33 @@ impl Config {
                 ground.edge_m, ground.stair_run_m
             )));
         }
+        if self.solver.stepper == Stepper::Rk4 && self.tube.connection == Connection::Compliant {
+            let fewest = self.explicit_steps_with_tube();
+            if (self.solver.steps as f64) < fewest {
+                return Err(Error::Invalid(format!(
+                    "solver.steps = {} must be at least {fewest} for solver.stepper = rk4 with this compliant tube",
+                    self.solver.steps
+                )));
+            }
+        }
         Ok(())
+    }
+
+    /// Steps per control period below which explicit steps diverge on a foot that a compliant tube carries: the fastest decay
+    /// that contact, damper and spring of the tube can have together, over what RK4 bears.
+    fn explicit_steps_with_tube(&self) -> f64 {
+        /// Just below the 2.785 of RK4's real stability interval.
+        const STABILITY: f64 = 2.5;
+        /// Deepest usual penetration, m.
+        const DEPTH: f64 = 0.025;
+        let body = &self.body;
+        let [extension, _] = tube(&self.tube, body.foot_mass_kg, body.foot_inertia_about_tube());
+        let inverse_mass = |x: f64| 1.0 / body.foot_mass_kg + (x - body.foot_com_x_m).powi(2) / body.foot_inertia_kg_m2;
+        let at_end = inverse_mass(body.heel_x_m).max(inverse_mass(body.ball_x_m));
+        let at_ankle = inverse_mass(0.0);
+        let rate = self.ground.damping_ns_m15 * DEPTH.sqrt() * at_end
+            + extension.damping * at_ankle
+            + (extension.stiffness * at_ankle).sqrt();
+        (rate * CONTROL_PERIOD_S / STABILITY).ceil()
     }
 }

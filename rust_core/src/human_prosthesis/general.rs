@@ -4,7 +4,7 @@ use super::footing::{point_force, touch};
 use super::state::GeneralState;
 use super::torques::{EndJoints, trunk_torque};
 use super::{BALL, CONTACT_POINTS, HEEL, HIP, HumanProsthesis, KNEE, Rest, State};
-use crate::compliant_ground::{self, ContactLanes};
+use crate::compliant_ground::{self, ContactLanes, Ground};
 use crate::config::Config;
 use crate::human_controller::impedance::ImpedanceTorque;
 use crate::hybrid_dynamics::general_walker::{Deflection, Evaluation, GeneralWalker, JointDrive, Layout};
@@ -30,6 +30,8 @@ pub(super) struct General<const L: usize> {
     /// How many of those contacts belong to the sole, and to its rear half.
     pub sole: usize,
     rear: usize,
+    /// Share of the paper's stiffness and damping that a point of the sole has: together they are as stiff as its two.
+    sole_share: f64,
 }
 
 impl<const L: usize> General<L> {
@@ -49,26 +51,31 @@ impl<const L: usize> General<L> {
         let walker = GeneralWalker::new(&config.body, &layout).expect("segments within their ranges make a chain");
         let more = walker.points() - CONTACT_POINTS;
         let body = &config.body;
-        // Inertia of the foot about the tube's sensor, its mass lumped at the ankle.
-        let foot_inertia = body.foot_inertia_kg_m2
-            + body.foot_mass_kg * (body.foot_com_x_m.powi(2) + body.foot_com_y_m.powi(2) + body.tube_length_m.powi(2));
         Some(Box::new(Self {
             walker,
             evaluations: vec![Evaluation::default(); L],
             socket: socket(&config.socket, mass),
-            tube: layout.tube_forward.then(|| tube(&config.tube, body.foot_mass_kg, foot_inertia)),
+            tube: layout.tube_forward.then(|| tube(&config.tube, body.foot_mass_kg, body.foot_inertia_about_tube())),
             trunk_forward: layout.trunk_forward,
             hip_forward: layout.hip_forward,
             contacts: vec![ContactLanes::default(); more],
             surfaces: vec![SurfaceLanes::splat(Surface::LEVEL); more],
             sole,
             rear: sole / 2,
+            sole_share: 2.0 / config.body.sole_points as f64,
         }))
     }
 
     /// State of walkers like these, at rest.
     pub fn state(&self) -> GeneralState<L> {
         GeneralState { deformation: vec![[0.0; L]; self.contacts.len()], ..GeneralState::default() }
+    }
+
+    /// The ground as contact point `index` feels it.
+    fn ground_at(&self, ground: &Ground, index: usize) -> Ground {
+        let sole = index < KNEE || (CONTACT_POINTS..CONTACT_POINTS + self.sole).contains(&index);
+        let share = if sole { self.sole_share } else { 1.0 };
+        Ground { stiffness: share * ground.stiffness, damping: share * ground.damping, ..*ground }
     }
 
     /// Normal force on the points of the sole between heel and ball, N: of its rear half, of its front half.
@@ -110,7 +117,7 @@ impl<const L: usize> HumanProsthesis<L> {
                 let surface = self.surface_at(lane, point.x);
                 let more = index.checked_sub(CONTACT_POINTS);
                 let deformation = more.map_or_else(|| usual[index], |more| extra.deformation[more][lane]);
-                let contact = touch::<false>(&ground, &surface, &point, deformation);
+                let contact = touch::<false>(&general.ground_at(&ground, index), &surface, &point, deformation);
                 let (contacts, surfaces) = match more {
                     None => (&mut self.contacts[index], &mut self.surfaces[index]),
                     Some(more) => (&mut general.contacts[more], &mut general.surfaces[more]),
@@ -137,9 +144,8 @@ impl<const L: usize> HumanProsthesis<L> {
         let (Some(extra), Some(extra_rates)) = (&state.general, &mut rates.general) else { return };
         for lane in 0..L {
             let step = implicit_step[lane];
-            let work = &mut general.evaluations[lane];
             let smooth = state.reference.get(lane);
-            let walker = &general.walker;
+            let (walker, work) = (&general.walker, &mut general.evaluations[lane]);
             let (deflection, deflection_rate) = (extra.deflection.get(lane), extra.deflection_rate.get(lane));
 
             walker.begin(work, self.prescribed.acceleration[lane], rates.reference.hip_rate[lane]);
@@ -169,6 +175,7 @@ impl<const L: usize> HumanProsthesis<L> {
             }
             walker.solve(work);
 
+            let work = &general.evaluations[lane];
             let acceleration = walker.acceleration(work);
             self.acceleration.set(lane, acceleration);
             self.flexion_acceleration[lane] = walker.flexion_acceleration(work);
@@ -193,6 +200,7 @@ impl<const L: usize> HumanProsthesis<L> {
             let follow = |index: usize, contact: &ContactLanes<L>, surface: &SurfaceLanes<L>, deformation: f64| {
                 let [vx, vy] = walker.end_velocity(work, index, step);
                 let (along, _) = surface.get(lane).along_and_across(vx, vy);
+                let ground = general.ground_at(&ground, index);
                 compliant_ground::deformation_rate(&ground, &contact.get(lane), deformation, along, step)
             };
             let rest = state.rest.get(lane);
@@ -213,6 +221,11 @@ impl<const L: usize> HumanProsthesis<L> {
                     follow(CONTACT_POINTS + more, &general.contacts[more], &general.surfaces[more], deformation);
             }
         }
+    }
+
+    /// Whether the trunk is a forward joint.
+    pub(super) fn trunk_forward(&self) -> bool {
+        self.general.as_ref().is_some_and(|general| general.trunk_forward)
     }
 
     /// Puts the general part of a walker in `lane` at rest with its trunk at `trunk` (rad).

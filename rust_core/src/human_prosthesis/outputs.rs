@@ -95,7 +95,10 @@ impl<const L: usize> HumanProsthesis<L> {
 
     /// Trunk angle, rad.
     pub fn trunk_angle(&self, state: &State<L>, lane: usize) -> f64 {
-        state.motion.thigh[lane] - self.joints.hip[lane]
+        match &state.general {
+            Some(extra) if self.trunk_forward() => extra.deflection.trunk[lane],
+            _ => state.reference.trunk[lane],
+        }
     }
 
     /// Position and velocity of heel (0) or ball (1).

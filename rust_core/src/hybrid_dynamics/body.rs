@@ -50,7 +50,7 @@ params! {
         heel_x_m: f64 = -0.025, "m", within(-0.5, 0.5);
         /// Ball contact point, forward of the ankle (Table 1).
         ball_x_m: f64 = 0.15, "m", within(-0.5, 0.5);
-        /// Contact points of the sole: heel, ball, and the others between them.
+        /// Contact points of the sole: heel, ball, and the others between them. Together they are as stiff as the paper's two.
         sole_points: usize = 2, "", within(2.0, 32.0);
         /// Radius of the arc from heel to ball on which the points between them lie; 0 for a straight sole.
         sole_radius_m: f64 = 0.0, "m", within(0.0, 100.0);
@@ -60,6 +60,13 @@ params! {
 }
 
 impl BodyParams {
+    /// Inertia of the foot about the tube sensor with its mass lumped at the ankle's distance, kg m^2.
+    pub fn foot_inertia_about_tube(&self) -> f64 {
+        let square = |x: f64| x * x;
+        self.foot_inertia_kg_m2
+            + self.foot_mass_kg * (square(self.foot_com_x_m) + square(self.foot_com_y_m) + square(self.tube_length_m))
+    }
+
     /// Contact points of the sole in the foot frame, m: heel, ball, then those between them from back to front.
     pub fn sole(&self) -> Vec<[f64; 2]> {
         let (half, middle) = (0.5 * (self.ball_x_m - self.heel_x_m), 0.5 * (self.ball_x_m + self.heel_x_m));

@@ -1,6 +1,7 @@
-//! The general chain against closed forms and its own invariants, and the specialised walker against the chain.
+//! The general chain against closed forms and its own invariants, and the walkers against the chain and each other.
 
 mod closed_forms;
+mod general_walker;
 mod invariants;
 mod table_1;
 mod walker;

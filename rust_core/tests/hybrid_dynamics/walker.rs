@@ -8,7 +8,7 @@ use prosthesis_gym_core::hybrid_dynamics::walker::{
 use super::*;
 
 /// Table 1 with every entry changed by up to a fifth, and with the offsets that are zero there.
-fn random_body(random: &mut Pcg64) -> BodyParams {
+pub fn random_body(random: &mut Pcg64) -> BodyParams {
     let p = BodyParams::default();
     let mut about = |value: f64| value * random.random_range(0.8..=1.2);
     BodyParams {
@@ -38,7 +38,7 @@ fn random_body(random: &mut Pcg64) -> BodyParams {
 }
 
 /// Loads in every field that an explicit step reads; derivatives as well, which must then not matter.
-fn random_loads(random: &mut Pcg64) -> Loads {
+pub fn random_loads(random: &mut Pcg64) -> Loads {
     let mut to = |size: f64| uniform(random, size);
     let torque = |to: &mut dyn FnMut(f64) -> f64| JointTorque {
         torque: to(150.0),
@@ -72,7 +72,7 @@ fn random_loads(random: &mut Pcg64) -> Loads {
     }
 }
 
-fn random_motion(random: &mut Pcg64) -> (Motion, Prescribed) {
+pub fn random_motion(random: &mut Pcg64) -> (Motion, Prescribed) {
     let mut to = |size: f64| uniform(random, size);
     let motion = Motion {
         hip_x: to(60.0),
