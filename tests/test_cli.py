@@ -192,8 +192,8 @@ def test_parameters_lists_every_key_with_its_range(capsys: pytest.CaptureFixture
 
 
 def test_parameters_are_filtered_by_every_word(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["parameters", "knee.", "SPRING", "--json"]) == 0
-    assert [row["key"] for row in json.loads(capsys.readouterr().out)] == ["knee.spring_nm_rad"]
+    assert main(["parameters", "motor.", "SPRING", "--json"]) == 0
+    assert [row["key"] for row in json.loads(capsys.readouterr().out)] == ["motor.spring_nm_rad"]
     assert main(["parameters", "no_such_word"]) == 2
     assert "no_such_word" in capsys.readouterr().err
 

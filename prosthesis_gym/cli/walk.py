@@ -11,6 +11,7 @@ from rich.table import Table
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.cli.parsers import Commands, new_parser
 from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
 from prosthesis_gym.policy import Policy
@@ -26,6 +27,7 @@ examples:
   prosthesis-gym walk --start cyclic --controller constant:0 --out no_damper.csv
   prosthesis-gym walk --profile my_speeds.csv --json > strides.json
   prosthesis-gym walk --device motor --duration 12 --window 3.52 9.24
+  prosthesis-gym walk --device friction --controller constant:4
 
 A profile file is a CSV with the columns time_s, speed_m_s, walk, or a TOML file with a list
 `profile` of {time_s, speed_m_s, walk}. What is given later in this list counts: the defaults of
@@ -44,8 +46,6 @@ DEFAULTS: dict[str, Any] = {
         "push_n": 0.0,
     },
 }
-#: What `constant:VALUE` sets, by device.
-_CONSTANT = {"damper": "constant_nms2_rad2", "motor": "constant_a"}
 #: Configurations of `--solver`.
 SOLVERS = {"fast": {"solver": {"stepper": "linearly_implicit_euler", "steps": 5}}, "reference": REFERENCE_SOLVER}
 
@@ -68,12 +68,13 @@ _COLUMNS = (
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = new_parser(commands, "walk", "simulate one walking trial", _EXAMPLES)
+    constants = ", ".join(device.command for device in DEVICES.values())
     add = parser.add_argument_group("what happens").add_argument
-    add("--device", choices=["damper", "motor"], default="damper", help="knee unit (default: damper)")
+    add("--device", choices=list(DEVICES), default="damper", help="knee unit (default: damper)")
     add(
         "--controller",
         metavar="NAME",
-        help="state-machine (default), constant:VALUE (damping in N m s²/rad², current in A) or a policy's folder",
+        help=f"state-machine (default), constant:VALUE ({constants}) or a policy's folder",
     )
     add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a profile")
     add("--profile", metavar="NAME|FILE", help=f"intent over time: {', '.join(PROFILES)}, or a file")
@@ -167,7 +168,7 @@ def _controller(name: str | None, device: str) -> tuple[dict[str, Any], Policy |
         return {"action": {"mode": "state_machine"}}, None
     if kind == "constant" and colon:
         try:
-            return {"action": {"mode": "constant", _CONSTANT[device]: float(value)}}, None
+            return {"action": {"mode": "constant", DEVICES[device].constant_key: float(value)}}, None
         except ValueError:
             raise ValueError(f"--controller {name}: {value!r} is not a number") from None
     if Path(name).is_dir():

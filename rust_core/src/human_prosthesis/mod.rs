@@ -91,7 +91,7 @@ lanes! {
         knee_angle: f64,
         /// Knee torque of the unit, end stops apart.
         unit: f64,
-        /// T_D, the part of a damper's command.
+        /// T_D, the damping or friction that the command sets.
         damper: f64,
         /// Extension stop, resisting, never negative.
         extension_stop: f64,
@@ -138,7 +138,7 @@ pub struct HumanProsthesis<const L: usize> {
     ankle: AnkleLanes<L>,
     human_params: HumanParams,
     // Inputs, constant over a control period.
-    /// Command to the knee unit: damping coefficient, N m s^2/rad^2, or motor current, A.
+    /// Command to the knee unit, in its own unit.
     pub command: [f64; L],
     /// Disturbance on the trunk, forward, N.
     pub push_x: [f64; L],
@@ -190,7 +190,7 @@ impl<const L: usize> HumanProsthesis<L> {
             terrain: TerrainLanes::splat(terrain),
             level: terrain.is_level(),
             human: HumanLanes::splat(human),
-            unit: KneeUnit::new(&params.device, &params.knee, &params.motor),
+            unit: KneeUnit::new(params),
             end_stop: EndStopLanes::splat(EndStop::from(&params.end_stop)),
             ankle: AnkleLanes::splat(Ankle::from(&params.ankle)),
             human_params: params.human.clone(),
