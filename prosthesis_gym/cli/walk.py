@@ -10,7 +10,7 @@ from rich.table import Table
 
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.cli.parsers import Commands, new_parser
-from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge
+from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
@@ -70,7 +70,7 @@ def add_parser(commands: Commands) -> None:
     parser = new_parser(commands, "walk", "simulate one walking trial", _EXAMPLES)
     constants = ", ".join(device.command for device in DEVICES.values())
     add = parser.add_argument_group("what happens").add_argument
-    add("--device", choices=list(DEVICES), default="damper", help="knee unit (default: damper)")
+    add("--device", choices=list(DEVICES), help="knee unit (default: damper, or the policy's)")
     add(
         "--controller",
         metavar="NAME",
@@ -134,9 +134,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | None]:
     if arguments.speed is not None and arguments.profile is not None:
         raise ValueError(f"--speed {arguments.speed} and --profile {arguments.profile}: a profile has its own speeds")
-    config = merge(DEFAULTS, {"device": {"kind": arguments.device}})
+    config = DEFAULTS
     if arguments.config:
         config = merge(config, load_config(arguments.config))
+    if arguments.device is not None:
+        config = merge(config, {"device": {"kind": arguments.device}})
     if arguments.mass is not None or arguments.height is not None:
         config = merge(config, scaled_body(arguments.mass, arguments.height))
     if arguments.profile is not None:
@@ -151,7 +153,8 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
     config = merge(config, {"scenario": scenario})
     if arguments.solver is not None:
         config = merge(config, SOLVERS[arguments.solver])
-    action, policy = _controller(arguments.controller, arguments.device)
+    device = resolve(apply_settings(config, arguments.settings))["device"]["kind"]
+    action, policy = _controller(arguments.controller, device)
     if policy is not None:
         for setting in arguments.settings:
             if setting.startswith(("action.", "observation.")):
@@ -160,7 +163,7 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
 
 
 def _controller(name: str | None, device: str) -> tuple[dict[str, Any], Policy | None]:
-    """Return the configuration that selects a controller, and the policy if it is one."""
+    """Return the section `action` that selects a controller of the knee unit, and the policy if it is one."""
     kind, colon, value = (name or "").partition(":")
     if name is None:
         return {}, None
@@ -172,8 +175,7 @@ def _controller(name: str | None, device: str) -> tuple[dict[str, Any], Policy |
         except ValueError:
             raise ValueError(f"--controller {name}: {value!r} is not a number") from None
     if Path(name).is_dir():
-        policy = Policy.load(name)
-        return dict(policy.config), policy
+        return {}, Policy.load(name)
     raise ValueError(f"--controller {name}: neither state-machine, constant:VALUE nor the folder of a policy")
 
 
