@@ -11,16 +11,17 @@ from importlib.metadata import version
 
 from gymnasium.envs.registration import register
 
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.env import ProsthesisEnv
 from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 __version__ = version("prosthesis-gym")
 __all__ = ["ProsthesisEnv", "ProsthesisVectorEnv"]
 
-for _name, _device in {"DamperKnee": "damper", "MotorKnee": "motor"}.items():
+for _kind, _device in DEVICES.items():
     register(
-        id=f"prosthesis_gym/{_name}-v0",
+        id=_device.env_id,
         entry_point="prosthesis_gym.env:ProsthesisEnv",
         vector_entry_point="prosthesis_gym.vector_env:ProsthesisVectorEnv",
-        kwargs={"device": _device},
+        kwargs={"device": _kind},
     )

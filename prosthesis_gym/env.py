@@ -22,7 +22,7 @@ class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
 
     Args:
         config: TOML file, nested mapping or None for the defaults.
-        device: knee unit ("damper" or "motor"); None leaves it to the configuration.
+        device: knee unit (a key of `prosthesis_gym.devices.DEVICES`); None leaves it to the configuration.
         max_episode_steps: replaces `scenario.duration_s`, in env steps.
         render_mode: must be None; there is no renderer yet.
 

@@ -95,16 +95,16 @@ def evaluate(
 ) -> EvaluationResult:
     """Run `episodes` episodes with the seeds `seed`, `seed + 1`, ... in one batch.
 
-    A policy brings its own `action` and `observation` sections. Without one, the state machine drives the knee, or a
-    constant damping if `action.mode` is "constant". `progress` is called with the env steps done and the most there
-    can be.
+    A policy brings its knee unit and its `action` and `observation` sections; a `config` that names another knee unit
+    is a ValueError. Without one, the state machine drives the knee, or a constant command if `action.mode` is
+    "constant". `progress` is called with the env steps done and the most there can be.
     """
     if not 1 <= episodes <= 1_000_000:
         raise ValueError(f"episodes = {episodes} is outside its allowed range [1, 1000000]")
     if not 0 <= seed < 2**63:
         raise ValueError(f"seed = {seed} is outside its allowed range [0, 2^63)")
     if controller is not None:
-        config = merge(config, controller.config)
+        config = controller.configure(config)
     elif _core.resolve(config)["action"]["mode"] != "constant":
         config = merge(config, {"action": {"mode": "state_machine"}})
     # "next_step" because the batch goes on when some have ended; of each walker the first episode alone counts.

@@ -163,7 +163,7 @@ _SIGNALS: list[tuple[str, list[tuple[str, str, dict[str, Any]]]]] = [
         "Torque (N m/kg)",
         [
             ("knee_torque_nm_kg", "knee $T_k$ (extending)", {"color": VERMILION}),
-            ("damper_torque_nm_kg", "of which damper $T_D$", {"color": PURPLE, "linewidth": 0.8, "linestyle": "--"}),
+            ("damper_torque_nm_kg", "of which commanded $T_D$", {"color": PURPLE, "linewidth": 0.8, "linestyle": "--"}),
             ("tube_moment_nm_kg", "tube $M_u$", {"color": BLACK, "linewidth": 0.8}),
             ("ankle_torque_nm_kg", "ankle $T_a$ (plantarflexing)", {"color": GREEN}),
         ],

@@ -1,8 +1,8 @@
 """A deterministic policy that needs NumPy alone, and the file pair it is exchanged as.
 
 `policy.safetensors` holds the weights, `policy.json` everything else: what the layers are, how observations are
-normalised, and the `action` and `observation` sections the policy was trained with. Neither can carry code, unlike a
-pickle.
+normalised, the environment that the policy was trained in and its `action` and `observation` sections. Neither can
+carry code, unlike a pickle.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ import safetensors.numpy
 from numpy.typing import ArrayLike, NDArray
 from safetensors import SafetensorError
 
+from prosthesis_gym.config import Config, merge, resolve
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.files import atomic_write
 
 FORMAT = 1
-ENV_ID = "prosthesis_gym/DamperKnee-v0"
 WEIGHTS_FILE = "policy.safetensors"
 DESCRIPTION_FILE = "policy.json"
 
@@ -59,14 +60,17 @@ class Policy:
     """A multi-layer perceptron with tanh between its layers, on normalised observations.
 
     `layers` holds (weights (inputs, outputs), biases (outputs,)) from first to last; `config` the sections `action` and
-    `observation` of the environment that the policy was trained in.
+    `observation` of the environment that the policy was trained in, `device` its knee unit (`device.kind`).
     """
 
     layers: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]]
     normalisation: Normalisation
     config: Mapping[str, Any] = field(default_factory=dict)
+    device: str = "damper"
 
     def __post_init__(self) -> None:
+        if self.device not in DEVICES:
+            raise ValueError(f"device = {self.device!r} must be one of {', '.join(DEVICES)}")
         if not self.layers:
             raise ValueError("a policy needs at least one layer")
         # One memory layout: products of transposed views differ in the last bit.
@@ -90,6 +94,19 @@ class Policy:
     def layer_sizes(self) -> list[int]:
         """Number of inputs of the first layer, then of outputs of each."""
         return [self.layers[0][0].shape[0], *(weights.shape[1] for weights, _ in self.layers)]
+
+    def configure(self, config: Mapping[str, Any]) -> Config:
+        """Return `config` with what the policy brings: its knee unit and its sections `action` and `observation`.
+
+        Raises:
+            ValueError: `config` names another knee unit.
+
+        """
+        configured = merge(merge({"device": {"kind": self.device}}, config), self.config)
+        kind = resolve(configured)["device"]["kind"]
+        if kind != self.device:
+            raise ValueError(f"device.kind = {kind!r} contradicts the policy, which was trained with {self.device!r}")
+        return configured
 
     def act(self, observations: ArrayLike) -> NDArray[np.float64]:
         """Return actions (N,) in [-1, 1] for observations (N, D), each the same whatever batch it comes in."""
@@ -115,7 +132,7 @@ class Policy:
         data = safetensors.numpy.save(tensors)
         description = {
             "format": FORMAT,
-            "env_id": ENV_ID,
+            "env_id": DEVICES[self.device].env_id,
             "package_version": version("prosthesis_gym"),
             "layer_sizes": self.layer_sizes,
             "activation": "tanh",
@@ -150,9 +167,12 @@ class Policy:
 
     @classmethod
     def _decode(cls, description: dict[str, Any], data: bytes) -> Policy:
-        for key, expected in {"format": FORMAT, "env_id": ENV_ID, "activation": "tanh"}.items():
+        for key, expected in {"format": FORMAT, "activation": "tanh"}.items():
             if description[key] != expected:
                 raise ValueError(f"{key} = {description[key]!r}, expected {expected!r}")
+        kinds = {device.env_id: kind for kind, device in DEVICES.items()}
+        if description["env_id"] not in kinds:
+            raise ValueError(f"env_id = {description['env_id']!r}, expected one of {', '.join(kinds)}")
         if description["weights_sha256"] != hashlib.sha256(data).hexdigest():
             raise ValueError(f"{WEIGHTS_FILE} is not the one that {DESCRIPTION_FILE} describes")
         tensors = safetensors.numpy.load(data)
@@ -170,7 +190,7 @@ class Policy:
         config = description["config"]
         if not {"action", "observation"} <= set(config):
             raise ValueError("config needs the sections action and observation")
-        policy = cls(layers, normalisation, config)
+        policy = cls(layers, normalisation, config, kinds[description["env_id"]])
         if policy.layer_sizes != description["layer_sizes"]:
             raise ValueError(f"layer_sizes = {description['layer_sizes']}, but the weights have {policy.layer_sizes}")
         return policy

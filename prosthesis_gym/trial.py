@@ -37,9 +37,8 @@ _METADATA = b"prosthesis_gym"
 class Policy(Protocol):
     """What can drive a trial."""
 
-    @property
-    def config(self) -> Mapping[str, Any]:
-        """The sections `action` and `observation` that the policy was made for."""
+    def configure(self, config: Mapping[str, Any], /) -> dict[str, Any]:
+        """`config` with the knee unit and the sections `action` and `observation` that the policy was made for."""
 
     def act(self, observations: NDArray[np.float32], /) -> NDArray[Any]:
         """Actions (N,) in [-1, 1] for observations (N, D)."""
@@ -86,11 +85,12 @@ def run_trial(
 ) -> Trial:
     """Walk one walker until it falls or its time is over.
 
-    A policy brings its sections `action` and `observation`, which replace those of `config`; without one,
-    `action.mode` must be "state_machine" or "constant". `duration_s` replaces `scenario.duration_s`.
+    A policy brings its knee unit and its sections `action` and `observation`; a `config` that names another knee unit
+    is a ValueError. Without a policy, `action.mode` must be "state_machine" or "constant". `duration_s` replaces
+    `scenario.duration_s`.
     """
     if policy is not None:
-        config = merge(config, policy.config)
+        config = policy.configure(config)
     if duration_s is not None:
         config = merge(config, {"scenario": {"duration_s": duration_s}})
     resolved = resolve(config)

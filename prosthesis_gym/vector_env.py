@@ -94,7 +94,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
     Args:
         num_envs: number of walkers.
         config: TOML file, nested mapping or None for the defaults.
-        device: knee unit ("damper" or "motor"); None leaves it to the configuration.
+        device: knee unit (a key of `prosthesis_gym.devices.DEVICES`); None leaves it to the configuration.
         autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
         threads: worker threads; None takes all cores. Results do not depend on it.
         max_episode_steps: replaces `scenario.duration_s`, in env steps.

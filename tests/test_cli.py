@@ -110,6 +110,46 @@ def test_policy_folder_controls_with_its_own_configuration(tmp_path: Path, capsy
     assert "--set action.hold=2" in capsys.readouterr().err
 
 
+def test_policy_folder_brings_its_knee_and_contradicts_another(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    size = len(_core.channels({}))
+    layer = (np.zeros((size, 1), np.float32), np.full(1, 1.0, np.float32))
+    config = {"action": {"mode": "direct"}, "observation": {"frames": 1}}
+    Policy([layer], Normalisation(np.zeros(size), np.ones(size)), config, "friction").save(tmp_path / "policy")
+    path = tmp_path / "trial.parquet"
+    arguments = ["walk", "--duration", "1", "--controller", str(tmp_path / "policy")]
+    assert main([*arguments, "--out", str(path)]) == 0
+    trial = load_trial(path)
+    assert trial.config["device"]["kind"] == "friction"
+    assert set(trial["command"][1:]) == {trial.config["friction_knee"]["max_friction_nm"]}
+    assert main([*arguments, "--device", "friction"]) == 0
+    for other in (["--device", "motor"], ["--set", "device.kind=damper"]):
+        capsys.readouterr()
+        assert main([*arguments, *other]) == 2
+        assert "contradicts the policy, which was trained with 'friction'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind"),
+    [
+        (["--device", "friction"], "friction"),
+        (["--set", "device.kind=motor"], "motor"),
+        (["--config", "friction.toml"], "friction"),
+        (["--config", "friction.toml", "--device", "motor"], "motor"),
+    ],
+)
+def test_constant_command_is_that_of_the_knee_however_it_is_chosen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], kind: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("friction.toml").write_text('[device]\nkind = "friction"\n')
+    assert main(["walk", "--duration", "0.1", "--controller", "constant:3", "--out", "t.parquet", *arguments]) == 0
+    trial = load_trial("t.parquet")
+    assert trial.config["device"]["kind"] == kind
+    assert set(trial["command"][1:]) == {3.0}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -192,8 +232,8 @@ def test_parameters_lists_every_key_with_its_range(capsys: pytest.CaptureFixture
 
 
 def test_parameters_are_filtered_by_every_word(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["parameters", "knee.", "SPRING", "--json"]) == 0
-    assert [row["key"] for row in json.loads(capsys.readouterr().out)] == ["knee.spring_nm_rad"]
+    assert main(["parameters", "motor.", "SPRING", "--json"]) == 0
+    assert [row["key"] for row in json.loads(capsys.readouterr().out)] == ["motor.spring_nm_rad"]
     assert main(["parameters", "no_such_word"]) == 2
     assert "no_such_word" in capsys.readouterr().err
 

@@ -9,6 +9,7 @@ import pytest
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import Config, apply_settings, load_config, merge, resolve
+from prosthesis_gym.devices import DEVICES
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,11 @@ from prosthesis_gym.config import Config, apply_settings, load_config, merge, re
             "sensors.shank_rate.noise = -1 is outside its allowed range [0, ",
         ),
         ({"sensors": {"shank_rate": {"delay_s": 1.0}}}, "sensors.shank_rate.delay_s: unknown field"),
+        ({"device": {"kind": "piston"}}, "device.kind: unknown variant `piston`, expected one of `damper`"),
+        (
+            {"friction_knee": {"set_friction_nm": -1.0}},
+            "friction_knee.set_friction_nm = -1 is outside its allowed range [0, 1000] N m",
+        ),
         ({"body": {"ball_x_m": -0.1}}, "body.ball_x_m = -0.1 must lie ahead"),
     ],
 )
@@ -55,6 +61,13 @@ def dotted_keys(section: Config) -> Iterator[str]:
             yield from (f"{key}.{rest}" for rest in dotted_keys(value))
         else:
             yield key
+
+
+def test_python_knows_the_knee_units_of_the_core() -> None:
+    ranges = {row["key"]: row["range"] for row in _core.parameters()}
+    assert ranges["device.kind"].split(" | ") == list(DEVICES)
+    for device in DEVICES.values():
+        assert f"action.{device.constant_key}" in ranges
 
 
 def test_the_parameter_table_is_the_schema() -> None:

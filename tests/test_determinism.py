@@ -25,7 +25,12 @@ def trajectory(config: Config, count: int, threads: int, seeds: NDArray[np.uint6
 UNEVEN: Config = {"ground": {"slope_deg": -1.0, "stair_rise_m": 0.02, "roughness_m": 0.01}}
 
 
-@pytest.mark.parametrize("config", [{}, REFERENCE_SOLVER, UNEVEN], ids=["fast", "reference", "uneven ground"])
+FRICTION: Config = {"device": {"kind": "friction"}}
+
+
+@pytest.mark.parametrize(
+    "config", [{}, REFERENCE_SOLVER, UNEVEN, FRICTION], ids=["fast", "reference", "uneven ground", "friction knee"]
+)
 def test_a_batch_equals_its_environments_one_by_one(config: Config) -> None:
     seeds = np.arange(21, dtype=np.uint64)
     together = trajectory(config, 21, 2, seeds)

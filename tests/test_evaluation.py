@@ -1,5 +1,6 @@
 """Evaluation counts each walker once, whatever the batch looks like, and knows how sure it is."""
 
+import dataclasses
 from io import StringIO
 
 import numpy as np
@@ -59,6 +60,15 @@ def test_a_batch_is_the_sum_of_its_parts() -> None:
     assert whole.mean_return == pytest.approx(sum(half.mean_return for half in halves) / 2, abs=1e-12)
     for part in ("from standing", "from a cyclic step"):
         assert whole.parts[part] == tuple(map(sum, zip(*(half.parts[part] for half in halves), strict=True)))
+
+
+def test_a_policy_is_evaluated_with_the_knee_it_was_trained_with() -> None:
+    policy = dataclasses.replace(make_policy(), device="friction")
+    friction = {**SHORT, "device": {"kind": "friction"}}
+    assert evaluate(policy, SHORT, episodes=20) == evaluate(policy, friction, episodes=20)
+    assert evaluate(policy, SHORT, episodes=20) != evaluate(make_policy(), SHORT, episodes=20)
+    with pytest.raises(ValueError, match="contradicts the policy"):
+        evaluate(make_policy(), friction, episodes=20)
 
 
 def test_evaluation_is_the_single_environment_played_seed_by_seed() -> None:

@@ -1,5 +1,6 @@
 """A policy on disk is the policy in memory, and nothing but a policy is taken for one."""
 
+import dataclasses
 import json
 from itertools import pairwise
 from pathlib import Path
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from prosthesis_gym.config import resolve
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.policy import Normalisation, Policy
 
 CONFIG = {"action": {"mode": "residual", "hold": 4}, "observation": {"frames": 2}}
@@ -36,6 +39,29 @@ def test_save_and_load_give_the_same_actions_to_the_last_bit(tmp_path: Path) -> 
     assert loaded.layer_sizes == [16, 64, 32, 1]
     assert (loaded.act(observe(100)) == policy.act(observe(100))).all()
     assert sorted(path.name for path in (tmp_path / "policy").iterdir()) == ["policy.json", "policy.safetensors"]
+
+
+def test_the_environment_it_was_trained_in_goes_with_it(tmp_path: Path) -> None:
+    for kind, device in DEVICES.items():
+        policy = dataclasses.replace(make_policy(), device=kind)
+        policy.save(tmp_path / kind)
+        assert json.loads((tmp_path / kind / "policy.json").read_text())["env_id"] == device.env_id
+        assert Policy.load(tmp_path / kind).device == kind
+
+
+def test_it_brings_its_knee_unit_and_sections_and_works_with_no_other_unit() -> None:
+    policy = dataclasses.replace(make_policy(), device="motor")
+    for config in ({"ground": {"slope_deg": 1.0}}, {"ground": {"slope_deg": 1.0}, "device": {"kind": "motor"}}):
+        configured = policy.configure(config)
+        assert configured == {**CONFIG, "ground": {"slope_deg": 1.0}, "device": {"kind": "motor"}}
+    with pytest.raises(ValueError, match=r"device\.kind = 'damper' contradicts the policy.*trained with 'motor'"):
+        policy.configure({"device": {"kind": "damper"}})
+    with pytest.raises(ValueError, match="contradicts"):
+        policy.configure(resolve({}))
+    with pytest.raises(ValueError, match=r"device\.kind: unknown variant `piston`"):
+        policy.configure({"device": {"kind": "piston"}})
+    with pytest.raises(ValueError, match="device = 'piston' must be one of damper, motor, friction"):
+        dataclasses.replace(policy, device="piston")
 
 
 def test_weights_may_be_transposed_views(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
+from prosthesis_gym import _core
 from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.sb3 import ProsthesisVecEnv
@@ -110,6 +111,17 @@ def test_training_is_reproducible_and_resumes_from_the_very_weights(config: Path
     state, expected = (trainer.model.policy.optimizer.state_dict()["state"] for trainer in (resumed, first))
     assert state.keys() == expected.keys() != set()
     assert all(torch.equal(state[key]["exp_avg"], expected[key]["exp_avg"]) for key in state)
+
+
+@pytest.mark.parametrize("kind", ["motor", "friction"])
+def test_other_knees_are_trained_by_naming_them(config: Path, tmp_path: Path, kind: str) -> None:
+    folder = tmp_path / "run"
+    assert main([str(config), "--out", str(folder), "--set", f"env.device.kind={kind}", "--quiet"]) == 0
+    policy = Policy.load(folder / "policy")
+    assert policy.device == kind
+    assert policy.layer_sizes[0] == 2 * len(_core.channels({"device": {"kind": kind}}))
+    with pytest.raises(ValueError, match="contradicts the policy"):
+        evaluate(policy, Settings.load(config).env, episodes=2)
 
 
 def test_the_exported_policy_acts_as_the_model_does(config: Path) -> None:

@@ -23,10 +23,11 @@ WALK: Mapping[str, Any] = {
 class FullBrake:
     """Always commands the largest damping."""
 
-    config: Mapping[str, Any] = {"action": {"mode": "direct", "hold": 2}, "observation": {"frames": 3}}
-
     def __init__(self) -> None:
         self.shapes: set[tuple[int, ...]] = set()
+
+    def configure(self, config: Mapping[str, Any], /) -> dict[str, Any]:
+        return merge(config, {"action": {"mode": "direct", "hold": 2}, "observation": {"frames": 3}})
 
     def act(self, observations: NDArray[np.float32], /) -> NDArray[np.float64]:
         self.shapes.add(observations.shape)

@@ -28,6 +28,7 @@ def export_policy(model: PPO, normaliser: VecNormalize, env_config: Mapping[str,
             statistics.mean.copy(), statistics.var.copy(), float(normaliser.clip_obs), float(normaliser.epsilon)
         ),
         config={section: dict(env_config[section]) for section in ("action", "observation")},
+        device=env_config["device"]["kind"],
     )
 
 

@@ -10,7 +10,8 @@ from rich.table import Table
 
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.cli.parsers import Commands, new_parser
-from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge
+from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge, resolve
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
 from prosthesis_gym.policy import Policy
@@ -26,6 +27,7 @@ examples:
   prosthesis-gym walk --start cyclic --controller constant:0 --out no_damper.csv
   prosthesis-gym walk --profile my_speeds.csv --json > strides.json
   prosthesis-gym walk --device motor --duration 12 --window 3.52 9.24
+  prosthesis-gym walk --device friction --controller constant:4
 
 A profile file is a CSV with the columns time_s, speed_m_s, walk, or a TOML file with a list
 `profile` of {time_s, speed_m_s, walk}. What is given later in this list counts: the defaults of
@@ -44,8 +46,6 @@ DEFAULTS: dict[str, Any] = {
         "push_n": 0.0,
     },
 }
-#: What `constant:VALUE` sets, by device.
-_CONSTANT = {"damper": "constant_nms2_rad2", "motor": "constant_a"}
 #: Configurations of `--solver`.
 SOLVERS = {"fast": {"solver": {"stepper": "linearly_implicit_euler", "steps": 5}}, "reference": REFERENCE_SOLVER}
 
@@ -68,12 +68,13 @@ _COLUMNS = (
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = new_parser(commands, "walk", "simulate one walking trial", _EXAMPLES)
+    constants = ", ".join(device.command for device in DEVICES.values())
     add = parser.add_argument_group("what happens").add_argument
-    add("--device", choices=["damper", "motor"], default="damper", help="knee unit (default: damper)")
+    add("--device", choices=list(DEVICES), help="knee unit (default: damper, or the policy's)")
     add(
         "--controller",
         metavar="NAME",
-        help="state-machine (default), constant:VALUE (damping in N m s²/rad², current in A) or a policy's folder",
+        help=f"state-machine (default), constant:VALUE ({constants}) or a policy's folder",
     )
     add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a profile")
     add("--profile", metavar="NAME|FILE", help=f"intent over time: {', '.join(PROFILES)}, or a file")
@@ -133,9 +134,11 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | None]:
     if arguments.speed is not None and arguments.profile is not None:
         raise ValueError(f"--speed {arguments.speed} and --profile {arguments.profile}: a profile has its own speeds")
-    config = merge(DEFAULTS, {"device": {"kind": arguments.device}})
+    config = DEFAULTS
     if arguments.config:
         config = merge(config, load_config(arguments.config))
+    if arguments.device is not None:
+        config = merge(config, {"device": {"kind": arguments.device}})
     if arguments.mass is not None or arguments.height is not None:
         config = merge(config, scaled_body(arguments.mass, arguments.height))
     if arguments.profile is not None:
@@ -150,7 +153,8 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
     config = merge(config, {"scenario": scenario})
     if arguments.solver is not None:
         config = merge(config, SOLVERS[arguments.solver])
-    action, policy = _controller(arguments.controller, arguments.device)
+    device = resolve(apply_settings(config, arguments.settings))["device"]["kind"]
+    action, policy = _controller(arguments.controller, device)
     if policy is not None:
         for setting in arguments.settings:
             if setting.startswith(("action.", "observation.")):
@@ -159,7 +163,7 @@ def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | 
 
 
 def _controller(name: str | None, device: str) -> tuple[dict[str, Any], Policy | None]:
-    """Return the configuration that selects a controller, and the policy if it is one."""
+    """Return the section `action` that selects a controller of the knee unit, and the policy if it is one."""
     kind, colon, value = (name or "").partition(":")
     if name is None:
         return {}, None
@@ -167,12 +171,11 @@ def _controller(name: str | None, device: str) -> tuple[dict[str, Any], Policy |
         return {"action": {"mode": "state_machine"}}, None
     if kind == "constant" and colon:
         try:
-            return {"action": {"mode": "constant", _CONSTANT[device]: float(value)}}, None
+            return {"action": {"mode": "constant", DEVICES[device].constant_key: float(value)}}, None
         except ValueError:
             raise ValueError(f"--controller {name}: {value!r} is not a number") from None
     if Path(name).is_dir():
-        policy = Policy.load(name)
-        return dict(policy.config), policy
+        return {}, Policy.load(name)
     raise ValueError(f"--controller {name}: neither state-machine, constant:VALUE nor the folder of a policy")
 
 

@@ -13,6 +13,7 @@ use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};
 use crate::prosthesis_controller::damper_fsm::DamperFsmParams;
 use crate::prosthesis_controller::motor_fsm::MotorFsmParams;
 use crate::prosthesis_device::DeviceParams;
+use crate::prosthesis_device::constant_friction::ConstantFrictionParams;
 use crate::prosthesis_device::end_stop::EndStopParams;
 use crate::prosthesis_device::geared_motor::GearedMotorParams;
 use crate::prosthesis_device::passive_ankle::AnkleParams;
@@ -114,6 +115,8 @@ tree! {
         knee: VariableDamperParams,
         /// Motor knee.
         motor: GearedMotorParams,
+        /// Friction knee.
+        friction_knee: ConstantFrictionParams,
         /// End stops of the knee.
         end_stop: EndStopParams,
         /// Ankle.

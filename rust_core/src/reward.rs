@@ -24,7 +24,7 @@ params! {
         stance_buckling: f64 = -2.0, "1/(rad s)", within(-1e6, 1e6);
         /// Time integral of the ground force on a foot that moves forward faster than 0.3 m/s, in body weights, s.
         scuffing: f64 = -2.0, "1/s", within(-1e6, 1e6);
-        /// Squared change of the command over action.max_command_nms2_rad2, per action.
+        /// Squared change of the command over that of a full action, per action.
         smoothness: f64 = -0.02, "1", within(-1e6, 1e6);
     }
 }

@@ -68,7 +68,7 @@ pub struct HumanProsthesis<const L: usize> {
     /// Walkers with more joints than the usual ones.
     general: Option<Box<General<L>>>,
     // Inputs, constant over a control period.
-    /// Command to the knee unit: damping coefficient, N m s^2/rad^2, or motor current, A.
+    /// Command to the knee unit, in its own unit.
     pub command: [f64; L],
     /// Disturbance on the trunk, forward, N.
     pub push_x: [f64; L],
@@ -124,7 +124,7 @@ impl<const L: usize> HumanProsthesis<L> {
             terrain: TerrainLanes::splat(terrain),
             level: terrain.is_level(),
             human: HumanLanes::splat(human),
-            unit: KneeUnit::new(&params.device, &params.knee, &params.motor),
+            unit: KneeUnit::new(params),
             end_stop: EndStopLanes::splat(EndStop::from(&params.end_stop)),
             ankle: AnkleLanes::splat(Ankle::from(&params.ankle)),
             human_params: params.human.clone(),

@@ -29,7 +29,7 @@ lanes! {
         knee_angle: f64,
         /// Knee torque of the unit, end stops apart.
         unit: f64,
-        /// T_D, the part of a damper's command.
+        /// T_D, the damping or friction that the command sets.
         damper: f64,
         /// Extension stop, resisting, never negative.
         extension_stop: f64,

@@ -50,6 +50,10 @@ params! {
         residual_a: f64 = 2.0, "A", above(0.0, 1e3);
         /// Motor knee: current of mode `constant`, flexing positive.
         constant_a: f64 = 0.0, "A", within(-1e3, 1e3);
+        /// Friction knee: correction at action +1 in mode `residual`.
+        residual_nm: f64 = 5.0, "N m", above(0.0, 1e3);
+        /// Friction knee: friction torque of mode `constant`.
+        constant_nm: f64 = 0.0, "N m", within(0.0, 1e3);
         /// Control periods of 5 ms that one action holds for; one env step advances that many.
         hold: usize = 1, "samples", within(1.0, 200.0);
     }
@@ -59,7 +63,7 @@ params! {
 #[derive(Clone, Copy, Debug)]
 pub struct ActionMap {
     mode: ActionMode,
-    /// Whether commands have a sign (current) or none (damping).
+    /// Whether commands have a sign (current) or none (damping, friction).
     signed: bool,
     /// Command at action +1.
     full: f64,
@@ -90,11 +94,19 @@ impl ActionMap {
                 constant: action.constant_a,
                 limit: config.motor.current_limit_a,
             },
+            DeviceKind::Friction => Self {
+                mode: action.mode,
+                signed: false,
+                full: config.friction_knee.max_friction_nm,
+                residual: action.residual_nm,
+                constant: action.constant_nm,
+                limit: config.friction_knee.max_friction_nm,
+            },
         }
     }
 
-    /// Command for an action, which is limited to [-1, 1]. A current is proportional to it, a damping coefficient quadratic
-    /// from 0 at -1.
+    /// Command for an action, which is limited to [-1, 1]. A current is proportional to it, damping and friction are
+    /// quadratic from 0 at -1.
     #[inline(always)]
     pub fn command(&self, action: f64, state_machine: f64) -> f64 {
         let action = clamp(action, -1.0, 1.0);
@@ -179,7 +191,7 @@ pub const LONGEST_FRAME: usize = CHANNELS.len();
 /// Observation frame of a leg with the given knee unit, in order.
 pub fn channels(device: DeviceKind) -> &'static [Channel] {
     match device {
-        DeviceKind::Damper => &CHANNELS[..CHANNELS.len() - MOTOR_CHANNELS],
+        DeviceKind::Damper | DeviceKind::Friction => &CHANNELS[..CHANNELS.len() - MOTOR_CHANNELS],
         DeviceKind::Motor => &CHANNELS,
     }
 }

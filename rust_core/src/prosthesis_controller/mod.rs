@@ -17,6 +17,8 @@ pub enum ReferenceParams {
     Damper(DamperFsmParams),
     /// Figure 10, and the motor's current limit, A.
     Motor(MotorFsmParams, f64),
+    /// A command that never changes.
+    Constant(f64),
 }
 
 impl From<&Config> for ReferenceParams {
@@ -24,6 +26,7 @@ impl From<&Config> for ReferenceParams {
         match config.device.kind {
             DeviceKind::Damper => Self::Damper(config.state_machine.clone()),
             DeviceKind::Motor => Self::Motor(config.motor_state_machine.clone(), config.motor.current_limit_a),
+            DeviceKind::Friction => Self::Constant(config.friction_knee.set_friction_nm),
         }
     }
 }
@@ -34,6 +37,7 @@ impl ReferenceParams {
         match self {
             Self::Damper(_) => ReferenceController::Damper(DamperFsm::default()),
             Self::Motor(..) => ReferenceController::Motor(MotorFsm::default()),
+            Self::Constant(_) => ReferenceController::Constant,
         }
     }
 }
@@ -45,6 +49,8 @@ pub enum ReferenceController {
     Damper(DamperFsm),
     /// Figure 10.
     Motor(MotorFsm),
+    /// Of a knee that is set once.
+    Constant,
 }
 
 impl ReferenceController {
@@ -53,15 +59,17 @@ impl ReferenceController {
         match (self, params) {
             (Self::Damper(machine), ReferenceParams::Damper(params)) => machine.update(params, readings),
             (Self::Motor(machine), ReferenceParams::Motor(params, limit)) => machine.update(params, *limit, readings),
+            (Self::Constant, ReferenceParams::Constant(command)) => *command,
             _ => 0.0,
         }
     }
 
-    /// Number of the phase, 1 to 5 (Figures 6 and 10).
+    /// Number of the phase: 1 to 5 (Figures 6 and 10), always 1 where there is but one.
     pub fn phase(&self) -> u8 {
         match self {
             Self::Damper(machine) => machine.phase as u8,
             Self::Motor(machine) => machine.phase as u8,
+            Self::Constant => 1,
         }
     }
 }

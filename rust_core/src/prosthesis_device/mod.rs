@@ -2,6 +2,7 @@
 //!
 //! A knee unit is a file of its own with parameters and branch-free equations, and one arm in each `match` of [`KneeUnit`].
 
+pub mod constant_friction;
 pub mod end_stop;
 pub mod geared_motor;
 pub mod passive_ankle;
@@ -12,12 +13,12 @@ pub mod variable_damper;
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::Config;
 use crate::lanes::lanes;
 use crate::params::{ANY, Parameter, Range, params};
-use geared_motor::{
-    GearedMotor, GearedMotorLanes, GearedMotorParams, MotorSignals, MotorSignalsLanes, Rotor, RotorLanes,
-};
-use variable_damper::{VariableDamper, VariableDamperLanes, VariableDamperParams};
+use constant_friction::{ConstantFriction, ConstantFrictionLanes};
+use geared_motor::{GearedMotor, GearedMotorLanes, MotorSignals, MotorSignalsLanes, Rotor, RotorLanes};
+use variable_damper::{VariableDamper, VariableDamperLanes};
 
 /// Which knee unit the leg has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -28,6 +29,8 @@ pub enum DeviceKind {
     Damper,
     /// Motor and strain-wave gear (section 5.3).
     Motor,
+    /// Constant friction with extension assist.
+    Friction,
 }
 
 impl Parameter for DeviceKind {
@@ -38,7 +41,7 @@ impl Parameter for DeviceKind {
         format!("{self:?}").to_lowercase()
     }
     fn allowed(_: Range) -> String {
-        "damper | motor".to_owned()
+        "damper | motor | friction".to_owned()
     }
 }
 
@@ -63,7 +66,7 @@ lanes! {
 lanes! {
     /// Torque of a knee unit on joint 5 (extension positive), end stops apart.
     pub struct UnitTorque, UnitTorqueLanes {
-        /// T_D, the part of a damper's command, N m.
+        /// T_D, the damping or friction that the command sets, N m.
         damper: f64,
         /// All of it, N m.
         torque: f64,
@@ -81,6 +84,8 @@ pub enum KneeUnit<const L: usize> {
     Damper(VariableDamperLanes<L>),
     /// Geared motor with its direction of rotation (-1, 0, 1) and its signals at the last evaluation.
     Motor(Box<MotorUnit<L>>),
+    /// Constant friction with extension assist.
+    Friction(ConstantFrictionLanes<L>),
 }
 
 /// Geared motors of a block.
@@ -93,22 +98,25 @@ pub struct MotorUnit<const L: usize> {
 }
 
 impl<const L: usize> KneeUnit<L> {
-    /// The unit that `device` chooses.
-    pub fn new(device: &DeviceParams, damper: &VariableDamperParams, motor: &GearedMotorParams) -> Self {
-        match device.kind {
-            DeviceKind::Damper => Self::Damper(VariableDamperLanes::splat(VariableDamper::from(damper))),
+    /// The unit that section `device` chooses.
+    pub fn new(config: &Config) -> Self {
+        match config.device.kind {
+            DeviceKind::Damper => Self::Damper(VariableDamperLanes::splat(VariableDamper::from(&config.knee))),
             DeviceKind::Motor => Self::Motor(Box::new(MotorUnit {
-                constants: GearedMotorLanes::splat(GearedMotor::from(motor)),
+                constants: GearedMotorLanes::splat(GearedMotor::from(&config.motor)),
                 direction: [0.0; L],
                 signals: MotorSignalsLanes::default(),
             })),
+            DeviceKind::Friction => {
+                Self::Friction(ConstantFrictionLanes::splat(ConstantFriction::from(&config.friction_knee)))
+            }
         }
     }
 
     /// State of the unit's rotor at the start of a trial with the knee at rest at `flexion` (rad).
     pub fn start(&mut self, lane: usize, flexion: f64) -> Rotor {
         match self {
-            Self::Damper(_) => Rotor::default(),
+            Self::Damper(_) | Self::Friction(_) => Rotor::default(),
             Self::Motor(unit) => {
                 unit.direction[lane] = 0.0;
                 Rotor { angle: flexion / unit.constants.inverse_ratio[lane], ..Rotor::default() }
@@ -120,7 +128,7 @@ impl<const L: usize> KneeUnit<L> {
     #[inline(always)]
     pub fn sense(&mut self, joint: &JointMotionLanes<L>, rotor: &RotorLanes<L>, command: &[f64; L]) {
         match self {
-            Self::Damper(_) => {}
+            Self::Damper(_) | Self::Friction(_) => {}
             Self::Motor(unit) => {
                 for lane in 0..L {
                     let motor = unit.constants.get(lane);
@@ -161,6 +169,12 @@ impl<const L: usize> KneeUnit<L> {
                     torques.set(lane, torque);
                 }
             }
+            Self::Friction(knee) => {
+                for lane in 0..L {
+                    let torque = constant_friction::friction_torque(&knee.get(lane), &joint.get(lane), command[lane]);
+                    torques.set(lane, torque);
+                }
+            }
         }
     }
 
@@ -175,7 +189,7 @@ impl<const L: usize> KneeUnit<L> {
         rates: &mut RotorLanes<L>,
     ) {
         match self {
-            Self::Damper(_) => {}
+            Self::Damper(_) | Self::Friction(_) => {}
             Self::Motor(unit) => {
                 for lane in 0..L {
                     let rate = geared_motor::rotor_rates(
@@ -197,7 +211,7 @@ impl<const L: usize> KneeUnit<L> {
     #[inline(always)]
     pub fn fired(&self, rotor: &RotorLanes<L>) -> [bool; L] {
         match self {
-            Self::Damper(_) => [false; L],
+            Self::Damper(_) | Self::Friction(_) => [false; L],
             Self::Motor(unit) => std::array::from_fn(|lane| {
                 geared_motor::changes_direction(
                     &unit.constants.get(lane),
@@ -212,7 +226,7 @@ impl<const L: usize> KneeUnit<L> {
     /// Changes the discrete state of `lane`; returns the rotor's new state.
     pub fn transition(&mut self, lane: usize, joint: &JointMotion, mut rotor: Rotor, command: f64) -> Rotor {
         match self {
-            Self::Damper(_) => {}
+            Self::Damper(_) | Self::Friction(_) => {}
             Self::Motor(unit) => {
                 let motor = unit.constants.get(lane);
                 if unit.direction[lane] != 0.0 {
@@ -239,13 +253,18 @@ impl<const L: usize> KneeUnit<L> {
                 let powers = geared_motor::powers(&motor, &unit.signals.get(lane), joint, rotor, unit.direction[lane]);
                 (powers, 0.5 * motor.inertia * rotor.rate * rotor.rate)
             }
+            Self::Friction(knee) => {
+                let (assist, _) = constant_friction::extension_assist(&knee.get(lane), joint.flexion);
+                let parts = [torque.damper, assist, torque.torque - torque.damper - assist];
+                (parts.map(|part| -part * joint.flexion_rate), 0.0)
+            }
         }
     }
 
     /// Motor signals of `lane` at the last evaluation; zero for a unit without a motor.
     pub fn motor_signals(&self, lane: usize) -> MotorSignals {
         match self {
-            Self::Damper(_) => MotorSignals::default(),
+            Self::Damper(_) | Self::Friction(_) => MotorSignals::default(),
             Self::Motor(unit) => unit.signals.get(lane),
         }
     }
@@ -253,7 +272,7 @@ impl<const L: usize> KneeUnit<L> {
     /// Current limit (A) and knee torque per ampere (N m/A) of an ideal drive train; zero for a unit without a motor.
     pub fn motor_scale(&self, lane: usize) -> (f64, f64) {
         match self {
-            Self::Damper(_) => (0.0, 0.0),
+            Self::Damper(_) | Self::Friction(_) => (0.0, 0.0),
             Self::Motor(unit) => {
                 let motor = unit.constants.get(lane);
                 (motor.current_limit, motor.torque_constant / motor.inverse_ratio)
@@ -264,7 +283,7 @@ impl<const L: usize> KneeUnit<L> {
     /// Electrical power I^2 R + k I omega and its Joule part (W).
     pub fn electrical_powers(&self, lane: usize, rotor: &Rotor) -> [f64; 2] {
         match self {
-            Self::Damper(_) => [0.0; 2],
+            Self::Damper(_) | Self::Friction(_) => [0.0; 2],
             Self::Motor(unit) => {
                 let signals = unit.signals.get(lane);
                 let joule = signals.current * signals.current * unit.constants.resistance[lane];

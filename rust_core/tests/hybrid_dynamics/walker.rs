@@ -15,6 +15,7 @@ pub fn random_body(random: &mut Pcg64) -> BodyParams {
         trunk_mass_kg: about(p.trunk_mass_kg),
         trunk_inertia_kg_m2: about(p.trunk_inertia_kg_m2),
         trunk_com_y_m: about(p.trunk_com_y_m),
+        trunk_top_m: about(p.trunk_top_m),
         thigh_mass_kg: about(p.thigh_mass_kg),
         thigh_inertia_kg_m2: about(p.thigh_inertia_kg_m2),
         thigh_com_x_m: about(0.02),
@@ -34,6 +35,8 @@ pub fn random_body(random: &mut Pcg64) -> BodyParams {
         heel_x_m: about(p.heel_x_m),
         ball_x_m: about(p.ball_x_m),
         foot_mount_deg: about(p.foot_mount_deg),
+        sole_points: p.sole_points,
+        sole_radius_m: p.sole_radius_m,
     }
 }
 
