@@ -7,7 +7,7 @@ use crate::signals::{CONTROL_PERIOD_S, GRAVITY};
 use crate::simulation::Simulation;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 45] = [
+pub const COLUMNS: [&str; 46] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -53,6 +53,7 @@ pub const COLUMNS: [&str; 45] = [
     "gear_power_w",
     "ground_height_m",
     "pendulum_foot_y_m",
+    "push_force_up_n",
 ];
 
 /// A foot strike, located in time by the stepper's events.
@@ -178,5 +179,6 @@ fn row<const L: usize>(
         knee_power,
         plant.ground_height(lane, motion.hip_x),
         if grounded { memory.slip_foot_y } else { f64::NAN },
+        plant.push_y[lane],
     ]
 }

@@ -4,7 +4,7 @@
 mod table_1;
 
 use prosthesis_gym_core::config::{Config, SolverParams};
-use prosthesis_gym_core::disturbance::Push;
+use prosthesis_gym_core::disturbance::{Push, TrunkPush};
 use prosthesis_gym_core::energy_meter::EnergyMeter;
 use prosthesis_gym_core::human_controller::gait_fsm::{IntactState, ResidualState};
 use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
@@ -25,7 +25,7 @@ fn knot(time_s: f64, speed_m_s: f64, walk: bool) -> Knot {
 /// One walker at the start of an undisturbed trial.
 fn simulation(config: &Config, start: Start, knots: Vec<Knot>) -> Simulation<1> {
     let mut simulation = Simulation::new(config);
-    simulation.start(0, Episode { start, profile: Profile { knots }, push: Push::default() });
+    simulation.start(0, Episode::undisturbed(start, Profile { knots }));
     simulation.observe_started(&[true]);
     simulation
 }
@@ -342,7 +342,7 @@ fn fingerprint<const L: usize>(simulation: &Simulation<L>, lane: usize) -> Strin
 /// Eight different episodes, one of which ends in a fall.
 fn episodes() -> [Episode; 8] {
     let mut episodes = std::array::from_fn(|lane| ScenarioParams::default().draw(&mut Pcg64::new(1, lane as u128)));
-    episodes[5].push = Push { force_x_n: -900.0, first_sample: 100, end_sample: 160 };
+    episodes[5].disturbance.pushes = vec![Push::new(TrunkPush { x: -900.0, y: 0.0 }, 0.5, 0.3, None)];
     episodes
 }
 

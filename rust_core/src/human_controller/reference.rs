@@ -19,21 +19,28 @@ lanes! {
 }
 integrable!(ReferenceLanes { trunk, trunk_rate, hip, hip_rate });
 
-/// Phases of the inner knots of every template (Figure 4).
-const QUARTER: f64 = 0.25;
-const HALF: f64 = 0.5;
-const AFTER_HALF: f64 = 0.51;
+/// Phase at which the thigh reaches its extension in Figure 4.
+pub const EXTENSION_END: f64 = 0.25;
+/// Phase at which it swings forward in Figure 4.
+pub const SWING_START: f64 = 0.5;
+/// The thigh's reference swings forward within this share of the cycle (Figure 4).
+const SWING_RAMP: f64 = 0.01;
+/// Phases between which further flexion in swing fades: the filter's delay later the thigh is back for heel strike.
+const RETURN: [f64; 2] = [0.7, 0.85];
 
 /// Rough thigh angle at `time`: the template of the current step, piecewise linear in phase, held after its last knot.
 #[inline(always)]
 pub fn rough_thigh(drive: &Drive, time: f64) -> f64 {
     let phase = (time - drive.step_start) * drive.inverse_cycle;
     let ramp = |from: f64, to: f64| clamp((phase - from) / (to - from), 0.0, 1.0);
+    let swings = drive.swing_start + SWING_RAMP;
+    let swing = ramp(drive.swing_start, swings);
     drive.thigh_0
-        + (drive.thigh_1 - drive.thigh_0) * ramp(0.0, QUARTER)
-        + (drive.thigh_2 - drive.thigh_1) * ramp(QUARTER, HALF)
-        + (drive.thigh_3 - drive.thigh_2) * ramp(HALF, AFTER_HALF)
-        + (drive.thigh_4 - drive.thigh_3) * ramp(AFTER_HALF, drive.last_knot)
+        + (drive.thigh_1 - drive.thigh_0) * ramp(0.0, drive.extension_end)
+        + (drive.thigh_2 - drive.thigh_1) * ramp(drive.extension_end, drive.swing_start)
+        + (drive.thigh_3 - drive.thigh_2) * swing
+        + (drive.thigh_4 - drive.thigh_3) * ramp(swings, drive.last_knot)
+        + drive.swing_flexion * (swing - ramp(RETURN[0], RETURN[1]))
 }
 
 /// Acceleration of a filtered reference (equation 1 with zeta = 1/sqrt 2), mean over an implicit step.
