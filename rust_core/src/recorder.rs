@@ -56,7 +56,7 @@ pub const COLUMNS: [&str; 46] = [
     "push_force_up_n",
 ];
 
-/// A foot strike, located in time by the stepper's events.
+/// A foot strike, located in time by the stepper's events; the residual one when the human reacts to it, where that takes time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootStrike {
     /// Time, s.

@@ -13,7 +13,8 @@ use prosthesis_gym_core::hybrid_dynamics::chain::Chain;
 use prosthesis_gym_core::hybrid_dynamics::walker::Motion;
 use prosthesis_gym_core::hybrid_dynamics::walker_chain::walker_joints;
 use prosthesis_gym_core::integrator::Stepper;
-use prosthesis_gym_core::scenario::{Episode, ScenarioParams};
+use prosthesis_gym_core::params::Span;
+use prosthesis_gym_core::scenario::{Episode, ScenarioParams, StartChoice};
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
 use prosthesis_gym_core::simulation::Simulation;
 use rand_pcg::Pcg64;
@@ -193,22 +194,45 @@ fn forty_second_trial() -> Vec<Knot> {
     ]
 }
 
-#[test]
-fn the_energy_balance_of_the_40_s_trial_closes() {
-    let mut simulation = simulation(&with_solver(SolverParams::REFERENCE), Start::Standing, forty_second_trial());
+/// Work done while the simulation runs on; asserts that it is the energy gained.
+fn metered(simulation: &mut Simulation<1>, duration_s: f64) -> EnergyMeter<1> {
     let mut meter = EnergyMeter::default();
-    let start = energy(&simulation);
-    for _ in 0..periods(45.0) {
+    let start = energy(simulation);
+    for _ in 0..periods(duration_s) {
         simulation.advance_metered(&[simulation.state_machine_command[0]], &mut meter);
     }
-    assert!(simulation.state.motion.hip_x[0] > 40.0 && simulation.state.motion.hip_y[0] > 0.6, "it did not walk");
-    let gained = energy(&simulation) - start;
+    let gained = energy(simulation) - start;
     let work: f64 = meter.work.iter().map(|lanes| lanes[0]).sum();
     let exchanged: f64 = meter.exchanged.iter().map(|lanes| lanes[0]).sum();
     let imbalance = (gained - work).abs() / exchanged;
     println!("energy gained {gained:.3} J, work {work:.3} J, exchanged {exchanged:.0} J, imbalance {imbalance:.1e}");
     assert!(imbalance < 1e-6, "{imbalance:e}");
+    meter
+}
 
+#[test]
+fn the_energy_balance_of_a_restless_walk_closes() {
+    let mut scenario = restless();
+    scenario.start = StartChoice::Standing;
+    let mut episode = scenario.draw(&mut Pcg64::new(1, 1));
+    // Two pushes that the drawn one would not do: upward, and strong.
+    for (time_s, force) in [(1.0, TrunkPush { x: 0.0, y: 150.0 }), (4.0, TrunkPush { x: 150.0, y: -100.0 })] {
+        episode.disturbance.pushes.push(Push::new(force, time_s, 0.2, None));
+    }
+    let mut simulation = Simulation::new(&with_solver(SolverParams::REFERENCE));
+    simulation.start(0, episode);
+    simulation.observe_started(&[true]);
+    let meter = metered(&mut simulation, 8.0);
+    assert!(simulation.state.motion.hip_x[0] > 5.0 && simulation.state.motion.hip_y[0] > 0.6, "it did not walk");
+    let push = POWERS.iter().position(|&power| power == "push").unwrap();
+    assert!(meter.exchanged[push][0] > 50.0, "{}", meter.exchanged[push][0]);
+}
+
+#[test]
+fn the_energy_balance_of_the_40_s_trial_closes() {
+    let mut simulation = simulation(&with_solver(SolverParams::REFERENCE), Start::Standing, forty_second_trial());
+    let meter = metered(&mut simulation, 45.0);
+    assert!(simulation.state.motion.hip_x[0] > 40.0 && simulation.state.motion.hip_y[0] > 0.6, "it did not walk");
     let work_of = |name: &str| meter.work[POWERS.iter().position(|&power| power == name).unwrap()][0];
     for dissipative in ["knee_command", "knee_friction", "contact_normal", "contact_tangential"] {
         assert!(work_of(dissipative) < 0.0, "{dissipative} {}", work_of(dissipative));
@@ -339,9 +363,31 @@ fn fingerprint<const L: usize>(simulation: &Simulation<L>, lane: usize) -> Strin
     format!("{motion:?}\n{signals:?}\n{forces:?}\n{:?}", plant.memory(lane))
 }
 
-/// Eight different episodes, one of which ends in a fall.
+/// A scenario of gusts, pushes at a gait phase and a human who does everything otherwise than the paper's.
+fn restless() -> ScenarioParams {
+    let mut scenario = ScenarioParams {
+        speed_m_s: Span::Fixed(1.1),
+        push_n: Span::Uniform([20.0, 60.0]),
+        push_phase: Span::Uniform([0.0, 0.8]),
+        ..ScenarioParams::default()
+    };
+    scenario.gust.force_n = Span::Uniform([-40.0, 40.0]);
+    let human = &mut scenario.human;
+    human.hip_lift_m = Span::Uniform([0.0, 0.02]);
+    human.swing_flexion_deg = Span::Uniform([0.0, 15.0]);
+    human.thigh_extension_change_deg = Span::Uniform([0.0, 3.0]);
+    human.stance_asymmetry = Span::Uniform([0.0, 0.2]);
+    human.step_delay_s = Span::Uniform([0.0, 0.03]);
+    human.touch_down_delay_s = Span::Uniform([0.0, 0.03]);
+    human.hip_stiffness_factor = Span::Uniform([0.8, 1.2]);
+    human.pendulum_stiffness_factor = Span::Uniform([1.0, 1.4]);
+    scenario
+}
+
+/// Eight different episodes, half of them restless, one of which ends in a fall.
 fn episodes() -> [Episode; 8] {
-    let mut episodes = std::array::from_fn(|lane| ScenarioParams::default().draw(&mut Pcg64::new(1, lane as u128)));
+    let scenarios = [ScenarioParams::default(), restless()];
+    let mut episodes = std::array::from_fn(|lane| scenarios[lane % 2].draw(&mut Pcg64::new(1, lane as u128)));
     episodes[5].disturbance.pushes = vec![Push::new(TrunkPush { x: -900.0, y: 0.0 }, 0.5, 0.3, None)];
     episodes
 }

@@ -324,7 +324,7 @@ impl Memory {
         drive
     }
 
-    /// Pendulum, thrust and lift (sections 4.2 and 4.3).
+    /// Pendulum, thrust and lift (sections 4.2 and 4.3); the lift of slow walking and the user's own add up.
     fn drive_intact_stance(&self, human: &Human, individual: &Individual, drive: &mut Drive) {
         let Individual { params, variation } = individual;
         let stance_travel = human.leg_length * human.touch_down_sin;
@@ -344,6 +344,68 @@ impl Memory {
             drive.thrust = params.thrust_scale
                 * (self.thrust_gain * target * target
                     + 0.25 * human.mass * (target * target - previous * previous) / (2.0 * stance_travel));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::human_controller::variation::HumanVariation;
+
+    fn individual(variation: HumanVariation) -> Individual {
+        Individual::new(&HumanParams::default(), variation)
+    }
+
+    #[test]
+    fn delayed_reactions_come_their_delay_after_the_event_whatever_happens_meanwhile() {
+        let human =
+            individual(HumanVariation { touch_down_delay_s: 0.02, step_delay_s: 0.05, ..HumanVariation::default() });
+        for (from, to, delay) in
+            [(IntactState::Swing, IntactState::Stance, 0.02), (IntactState::Stance, IntactState::Double, 0.05)]
+        {
+            let mut memory = Memory { intact: from, ..Memory::cyclic(&human.params, 1.1) };
+            let before = memory;
+            memory.transition(&Human::default(), &human, 3.0, 2.0, 1.1, true);
+            assert_eq!(memory, Memory { reaction: Some(3.0 + delay), ..before });
+            let guard = memory.guard(&Human::default(), &human.params);
+            let percept =
+                Percept { time: 3.0 + delay, hip_y: 2.0, heel_force: 0.0, pendulum: 1e4, midfoot: 1.0, intent: 0.0 };
+            assert!(!holds(&guard, &percept));
+            assert!(holds(&guard, &Percept { time: 3.001 + delay, ..percept }));
+            memory.transition(&Human::default(), &human, 3.0 + delay, 2.1, 1.1, true);
+            assert_eq!((memory.intact, memory.reaction, memory.state_start), (to, None, 3.0 + delay));
+        }
+    }
+
+    #[test]
+    fn without_delays_the_human_reacts_at_once() {
+        let human = individual(HumanVariation::default());
+        let mut memory = Memory { intact: IntactState::Stance, ..Memory::cyclic(&human.params, 1.1) };
+        memory.transition(&Human::default(), &human, 3.0, 2.0, 1.1, true);
+        assert_eq!((memory.intact, memory.step_start, memory.heel_strikes), (IntactState::Double, 3.0, 1));
+    }
+
+    #[test]
+    fn a_step_reaches_its_phases_in_expected_cycles_and_standing_never_does() {
+        let memory = Memory { step_start: 3.0, cycle: 1.2, ..Memory::cyclic(&HumanParams::default(), 1.1) };
+        assert_eq!(memory.time_at(0.5), 3.6);
+        assert_eq!(Memory::standing(&HumanParams::default(), 1.1).time_at(0.5), f64::INFINITY);
+    }
+
+    #[test]
+    fn the_thrust_gain_adapts_by_its_factor() {
+        let geometry = Human { mass: 75.0, slip_mass: 50.0, leg_length: 0.92, ..Human::default() };
+        let change = |factor: f64| {
+            let human = individual(HumanVariation { thrust_adaptation_factor: factor, ..HumanVariation::default() });
+            let mut memory = Memory::cyclic(&human.params, 1.1);
+            memory.transition(&geometry, &human, 1.0, 0.9, 1.1, true);
+            memory.thrust_gain - human.params.thrust_gain_ns2_m2
+        };
+        // Half the kinetic energy that 0.9 m/s lacks to 1.1 m/s, over the thrust's work of one step per gain.
+        let full = 0.5 * 75.0 * (1.21 - 0.81) / (0.5 * 4.0 / 3.0 * 1.21);
+        for factor in [0.0, 0.5, 1.0, 2.0] {
+            assert!((change(factor) - factor * full).abs() < 1e-9, "{factor}: {}", change(factor));
         }
     }
 }

@@ -94,3 +94,43 @@ impl HumanParams {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_variation_is_the_papers_human_exactly() {
+        assert_eq!(HumanParams::default().varied(&HumanVariation::default()), HumanParams::default());
+        assert_eq!(HumanVariationParams::default().at(|| 0.3), HumanVariation::default());
+    }
+
+    #[test]
+    fn every_variation_is_drawn_for_itself() {
+        let params = HumanVariationParams {
+            hip_lift_m: Span::Uniform([0.0, 0.02]),
+            thrust_adaptation_factor: Span::Uniform([0.5, 1.5]),
+            ..HumanVariationParams::default()
+        };
+        let mut draws = 0;
+        let variation = params.at(|| {
+            draws += 1;
+            if draws == 1 { 0.25 } else { 0.75 }
+        });
+        assert_eq!(draws, HumanVariation::NAMES.len());
+        assert_eq!((variation.hip_lift_m, variation.thrust_adaptation_factor), (0.005, 1.25));
+    }
+
+    #[test]
+    fn factors_act_on_walking_and_standing_gains() {
+        let params = HumanParams::default();
+        let weak = params.varied(&HumanVariation {
+            hip_stiffness_factor: 0.5,
+            hip_limit_factor: 0.25,
+            ..HumanVariation::default()
+        });
+        assert_eq!((weak.hip_stiffness_nm_rad, weak.standing_hip_stiffness_nm_rad), (1000.0, 250.0));
+        assert_eq!((weak.hip_limit_nm_kg, weak.standing_hip_limit_nm_kg), (1.0, 0.5));
+        assert_eq!(weak.hip_damping_nms_rad, params.hip_damping_nms_rad);
+    }
+}
