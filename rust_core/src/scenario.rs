@@ -104,6 +104,7 @@ impl ScenarioParams {
         let push_sign = if fraction() < 0.5 { -1.0 } else { 1.0 };
         let push_s = self.push_s.at(fraction());
         let push_duration_s = self.push_duration_s.at(fraction());
+        // Draws that this list has gained stand at its end: the episodes of a seed stay what they were.
         let sensor_seed = random.next_u64();
         let push_phase = self.push_phase.at(random.random::<f64>());
         let gusts = Gusts::new(&self.gust, random.next_u64());

@@ -48,7 +48,7 @@ params! {
         thrust_gain_ns2_m2: f64 = 50.0, "N s^2/m^2", within(-1e4, 1e4);
         /// Factor on the forward thrust; 0 removes it. The braking of the stopping step stays (section 5.2.2).
         thrust_scale: f64 = 1.0, "1", within(0.0, 10.0);
-        /// Factor on the lift forces; 0 removes them (section 5.2.2).
+        /// Factor on the lift forces of slow walking and stopping; 0 removes them (section 5.2.2).
         lift_scale: f64 = 1.0, "1", within(0.0, 10.0);
         /// Lift per speed deficit as a share of the pendulum stiffness (section 4.3).
         lift_gain_m_per_m_s: f64 = 0.1, "m/(m/s)", within(0.0, 1.0);
