@@ -158,6 +158,10 @@ impl Config {
     /// Checks every value against its range, and those that must fit together.
     pub fn validate(&self) -> Result<()> {
         self.validate_sections()?;
+        for end in [0.0, 1.0] {
+            let variation = self.scenario.human.at(|| end);
+            self.human.varied(&variation).validate("human (varied by scenario.human)")?;
+        }
         let (stop, body) = (&self.end_stop, &self.body);
         if stop.extension_angle_deg + stop.thickness_deg >= stop.flexion_angle_deg {
             return Err(Error::Invalid(format!(

@@ -3,7 +3,6 @@
 //! The random stream of an episode depends on (seed, episode number) alone, and lanes never mix, so trajectories do not
 //! depend on batch size, position in the batch or number of threads.
 
-use rand::Rng;
 use rand_pcg::Pcg64;
 
 use crate::config::Config;
@@ -170,9 +169,7 @@ impl<const L: usize> Environments<L> {
             env.episode += 1;
             env.ended = false;
             env.last_command = 0.0;
-            let episode = setup.config.scenario.draw(&mut random);
-            self.simulation.sensors.seed[lane] = random.next_u64();
-            self.simulation.start(lane, episode);
+            self.simulation.start(lane, setup.config.scenario.draw(&mut random));
         }
         self.simulation.observe_started(lanes);
         for lane in (0..L).filter(|&lane| lanes[lane]) {

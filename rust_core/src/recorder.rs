@@ -7,7 +7,7 @@ use crate::signals::{CONTROL_PERIOD_S, GRAVITY};
 use crate::simulation::Simulation;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 57] = [
+pub const COLUMNS: [&str; 58] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -65,9 +65,10 @@ pub const COLUMNS: [&str; 57] = [
     "shank_force_y_m_s2",
     "trunk_reference_deg",
     "trunk_torque_nm_kg",
+    "push_force_up_n",
 ];
 
-/// A foot strike, located in time by the stepper's events.
+/// A foot strike, located in time by the stepper's events; the residual one when the human reacts to it, where that takes time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FootStrike {
     /// Time, s.
@@ -205,5 +206,6 @@ fn row<const L: usize>(
         truth.shank_force_y,
         smooth.trunk.to_degrees(),
         reactions.trunk_torque / body.mass,
+        plant.push_y[lane],
     ]
 }

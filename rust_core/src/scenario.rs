@@ -3,11 +3,11 @@
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
-use crate::disturbance::Push;
+use crate::disturbance::{Disturbance, GustParams, Gusts, LATEST_PHASE, ListedPushes, Push, TrunkPush, samples};
 use crate::human_controller::intent::{Knot, Profile};
+use crate::human_controller::variation::{HumanVariation, HumanVariationParams};
 use crate::human_prosthesis::Start;
 use crate::params::{ANY, Parameter, Range, Span, params, within};
-use crate::signals::CONTROL_PERIOD_S;
 
 /// Start posture of an episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,8 +53,15 @@ params! {
         push_s: Span = Span::Uniform([2.0, 10.0]), "s", within(0.0, 1e4);
         /// Duration of the push.
         push_duration_s: Span = Span::Fixed(0.15), "s", within(0.0, 100.0);
+        /// Phase of the residual step, in expected cycles from its heel strike, at which the push begins, the first time from `push_s` on; negative for `push_s` itself.
+        push_phase: Span = Span::Fixed(-1.0), "1", within(-1.0, LATEST_PHASE);
+        /// List of {time_s, duration_s, force_x_n, force_y_n, phase}; if not empty, these pushes in place of the drawn one.
+        pushes: ListedPushes = ListedPushes::default(), "", ANY;
         /// Intent and speed over time, a list of {time_s, speed_m_s, walk}; if not empty, in place of the drawn ones. Speed is linear between knots, a step where two share a time.
         profile: Profile = Profile::default(), "", ANY;
+    } sections {
+        gust: GustParams,
+        human: HumanVariationParams,
     }
 }
 
@@ -65,8 +72,19 @@ pub struct Episode {
     pub start: Start,
     /// Intent and speed.
     pub profile: Profile,
-    /// The push.
-    pub push: Push,
+    /// Seed of the sensors' noise.
+    pub sensor_seed: u64,
+    /// Pushes and gusts.
+    pub disturbance: Disturbance,
+    /// What the human does otherwise than the paper's.
+    pub human: HumanVariation,
+}
+
+impl Episode {
+    /// An episode without disturbances, of the paper's human and with a given start and intent.
+    pub fn undisturbed(start: Start, profile: Profile) -> Self {
+        Self { start, profile, sensor_seed: 0, disturbance: Disturbance::default(), human: HumanVariation::default() }
+    }
 }
 
 impl ScenarioParams {
@@ -86,6 +104,11 @@ impl ScenarioParams {
         let push_sign = if fraction() < 0.5 { -1.0 } else { 1.0 };
         let push_s = self.push_s.at(fraction());
         let push_duration_s = self.push_duration_s.at(fraction());
+        // Draws that this list has gained stand at its end: the episodes of a seed stay what they were.
+        let sensor_seed = random.next_u64();
+        let push_phase = self.push_phase.at(random.random::<f64>());
+        let gusts = Gusts::new(&self.gust, random.next_u64());
+        let human = self.human.at(|| random.random::<f64>());
 
         let start = match self.start {
             StartChoice::Standing => Start::Standing,
@@ -103,15 +126,14 @@ impl ScenarioParams {
         } else {
             self.profile.clone()
         };
-        let first_sample = samples(push_s);
-        let push =
-            Push { force_x_n: push_sign * push_n, first_sample, end_sample: first_sample + samples(push_duration_s) };
-        Episode { start, profile, push }
+        let pushes = if self.pushes.pushes.is_empty() {
+            let force = TrunkPush { x: push_sign * push_n, y: 0.0 };
+            vec![Push::new(force, push_s, push_duration_s, Some(push_phase).filter(|&phase| phase >= 0.0))]
+        } else {
+            self.pushes.pushes.iter().map(Push::from).collect()
+        };
+        Episode { start, profile, sensor_seed, disturbance: Disturbance { pushes, gusts }, human }
     }
-}
-
-fn samples(seconds: f64) -> u64 {
-    (seconds / CONTROL_PERIOD_S).round() as u64
 }
 
 fn drawn_profile(start: Start, [first, second]: [f64; 2], change_s: f64, walk_s: f64) -> Profile {
@@ -135,8 +157,9 @@ mod tests {
         let episodes: Vec<_> = (0..200).map(|stream| params.draw(&mut rand_pcg::Pcg64::new(1, stream))).collect();
         for episode in &episodes {
             assert!(episode.profile.knots.iter().all(|knot| (0.8..=1.5).contains(&knot.speed_m_s)));
-            assert!(episode.push.force_x_n.abs() <= 300.0);
-            assert_eq!(episode.push.end_sample - episode.push.first_sample, 30);
+            let push = episode.disturbance.pushes[0];
+            assert!(push.force.x.abs() <= 300.0);
+            assert_eq!(push.samples, 30);
         }
         assert!(episodes.windows(2).all(|pair| pair[0] != pair[1]));
         let standing = episodes.iter().filter(|episode| episode.start == Start::Standing).count();

@@ -65,11 +65,12 @@ impl<const L: usize> Simulation<L> {
         }
     }
 
-    /// Starts `episode` in `lane` with the noise of `sensors.seed`; call [`observe_started`](Self::observe_started) after the last start.
+    /// Starts `episode` in `lane`; call [`observe_started`](Self::observe_started) after the last start.
     pub fn start(&mut self, lane: usize, episode: Episode) {
         self.plant.profile[lane].clone_from(&episode.profile);
-        self.plant.start(&mut self.state, lane, episode.start);
+        self.plant.start(&mut self.state, lane, episode.start, episode.human);
         self.plant.command[lane] = 0.0;
+        self.sensors.seed[lane] = episode.sensor_seed;
         self.state_machine[lane] = self.reference.start();
         self.sample[lane] = 0;
         self.episode[lane] = Some(episode);
@@ -77,7 +78,8 @@ impl<const L: usize> Simulation<L> {
 
     /// First sample of the lanes that have just been started.
     pub fn observe_started(&mut self, started: &[bool; L]) {
-        self.set_inputs();
+        self.set_intent();
+        self.disturb();
         self.evaluate();
         for lane in (0..L).filter(|&lane| started[lane]) {
             self.truth.set(lane, self.measure(lane));
@@ -113,18 +115,29 @@ impl<const L: usize> Simulation<L> {
     fn begin_period(&mut self, commands: &[f64; L]) {
         self.plant.command = *commands;
         self.plant.extension_stop_peak = [0.0; L];
-        self.set_inputs();
+        self.set_intent();
         self.plant.sense_command(&self.state);
         self.react();
+        self.disturb();
     }
 
-    /// Intent and pushes of the control period that begins now.
+    /// Intent in the control period that begins now.
     #[inline(always)]
-    fn set_inputs(&mut self) {
+    fn set_intent(&mut self) {
         for lane in 0..L {
             let time = self.sample[lane] as f64 * CONTROL_PERIOD_S;
             self.plant.intent[lane] = f64::from(u8::from(self.plant.profile[lane].walks(time)));
-            self.plant.push_x[lane] = self.episode[lane].as_ref().map_or(0.0, |e| e.push.force_x(self.sample[lane]));
+        }
+    }
+
+    /// Disturbances of the control period that begins now, in a step that may have begun just now.
+    #[inline(always)]
+    fn disturb(&mut self) {
+        for lane in 0..L {
+            let Some(episode) = &mut self.episode[lane] else { continue };
+            let memory = self.plant.memory(lane);
+            let push = episode.disturbance.force(self.sample[lane], |phase| memory.time_at(phase));
+            (self.plant.push_x[lane], self.plant.push_y[lane]) = (push.x, push.y);
         }
     }
 

@@ -2,7 +2,6 @@
 
 use prosthesis_gym_core::compliant_ground::GroundParams;
 use prosthesis_gym_core::config::{Config, SolverParams};
-use prosthesis_gym_core::disturbance::Push;
 use prosthesis_gym_core::energy_meter::EnergyMeter;
 use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
 use prosthesis_gym_core::human_prosthesis::{POWERS, Start};
@@ -21,7 +20,7 @@ fn standing(config: &Config, walk_s: f64) -> Simulation<1> {
     let knot = |time_s: f64, walk: bool| Knot { time_s, speed_m_s: 1.1, walk };
     let profile = Profile { knots: vec![knot(0.0, false), knot(walk_s, true)] };
     let mut simulation = Simulation::new(config);
-    simulation.start(0, Episode { start: Start::Standing, profile, push: Push::default() });
+    simulation.start(0, Episode::undisturbed(Start::Standing, profile));
     simulation.observe_started(&[true]);
     simulation
 }

@@ -4,7 +4,7 @@
 mod table_1;
 
 use prosthesis_gym_core::config::{Config, SolverParams};
-use prosthesis_gym_core::disturbance::Push;
+use prosthesis_gym_core::disturbance::{Push, TrunkPush};
 use prosthesis_gym_core::energy_meter::EnergyMeter;
 use prosthesis_gym_core::human_controller::gait_fsm::{IntactState, ResidualState};
 use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
@@ -14,10 +14,11 @@ use prosthesis_gym_core::hybrid_dynamics::general_walker::JointDrive;
 use prosthesis_gym_core::hybrid_dynamics::walker::Motion;
 use prosthesis_gym_core::hybrid_dynamics::walker_chain::walker_joints;
 use prosthesis_gym_core::integrator::Stepper;
+use prosthesis_gym_core::params::Span;
 use prosthesis_gym_core::prosthesis_device::socket::SocketParams;
 use prosthesis_gym_core::prosthesis_device::spring_damper::Connection;
 use prosthesis_gym_core::prosthesis_device::{DeviceKind, DeviceParams};
-use prosthesis_gym_core::scenario::{Episode, ScenarioParams};
+use prosthesis_gym_core::scenario::{Episode, ScenarioParams, StartChoice};
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
 use prosthesis_gym_core::simulation::Simulation;
 use rand_pcg::Pcg64;
@@ -29,7 +30,7 @@ fn knot(time_s: f64, speed_m_s: f64, walk: bool) -> Knot {
 /// One walker at the start of an undisturbed trial.
 fn simulation(config: &Config, start: Start, knots: Vec<Knot>) -> Simulation<1> {
     let mut simulation = Simulation::new(config);
-    simulation.start(0, Episode { start, profile: Profile { knots }, push: Push::default() });
+    simulation.start(0, Episode::undisturbed(start, Profile { knots }));
     simulation.observe_started(&[true]);
     simulation
 }
@@ -197,21 +198,29 @@ fn forty_second_trial() -> Vec<Knot> {
     ]
 }
 
-/// Walks the 40 s trial, or as far as it gets, and checks that the energy of the system changes by the work of all forces.
-/// Returns that work by name, and when it ended.
-fn energy_balance(config: &Config) -> (impl Fn(&str) -> f64 + use<>, f64) {
-    let mut simulation = simulation(config, Start::Standing, forty_second_trial());
+/// Work of each of [`POWERS`] by name, J.
+struct Work(EnergyMeter<1>);
+
+impl Work {
+    fn of(&self, name: &str) -> f64 {
+        self.0.work[POWERS.iter().position(|&power| power == name).unwrap()][0]
+    }
+}
+
+/// Walks on, at most until a fall; asserts that the energy of the system changes by the work of all forces.
+/// Returns that work, and the time that it took.
+fn metered(simulation: &mut Simulation<1>, duration_s: f64) -> (Work, f64) {
     let mut meter = EnergyMeter::default();
-    let start = energy(&simulation);
+    let start = energy(simulation);
     let mut end_s = 0.0;
-    for period in 1..=periods(45.0) {
+    for period in 1..=periods(duration_s) {
         simulation.advance_metered(&[simulation.state_machine_command[0]], &mut meter);
         end_s = period as f64 * CONTROL_PERIOD_S;
         if simulation.state.motion.hip_y[0] < 0.6 {
             break;
         }
     }
-    let gained = energy(&simulation) - start;
+    let gained = energy(simulation) - start;
     let work: f64 = meter.work.iter().map(|lanes| lanes[0]).sum();
     let exchanged: f64 = meter.exchanged.iter().map(|lanes| lanes[0]).sum();
     let imbalance = (gained - work).abs() / exchanged;
@@ -219,11 +228,34 @@ fn energy_balance(config: &Config) -> (impl Fn(&str) -> f64 + use<>, f64) {
         "{end_s:.2} s: energy gained {gained:.3} J, work {work:.3} J, exchanged {exchanged:.0} J, imbalance {imbalance:.1e}"
     );
     assert!(imbalance < 1e-6, "{imbalance:e}");
-    let work_of = move |name: &str| meter.work[POWERS.iter().position(|&power| power == name).unwrap()][0];
-    for dissipative in ["knee_friction", "contact_normal", "contact_tangential"] {
-        assert!(work_of(dissipative) < 0.0, "{dissipative} {}", work_of(dissipative));
+    (Work(meter), end_s)
+}
+
+#[test]
+fn the_energy_balance_of_a_restless_walk_closes() {
+    let mut scenario = restless();
+    scenario.start = StartChoice::Standing;
+    let mut episode = scenario.draw(&mut Pcg64::new(1, 1));
+    // Two pushes that the drawn one would not do: upward, and strong.
+    for (time_s, force) in [(1.0, TrunkPush { x: 0.0, y: 150.0 }), (4.0, TrunkPush { x: 150.0, y: -100.0 })] {
+        episode.disturbance.pushes.push(Push::new(force, time_s, 0.2, None));
     }
-    (work_of, end_s)
+    let mut simulation = Simulation::new(&with_solver(SolverParams::REFERENCE));
+    simulation.start(0, episode);
+    simulation.observe_started(&[true]);
+    let (work, end_s) = metered(&mut simulation, 8.0);
+    assert!(end_s == 8.0 && simulation.state.motion.hip_x[0] > 5.0, "it did not walk");
+    let push = POWERS.iter().position(|&power| power == "push").unwrap();
+    assert!(work.0.exchanged[push][0] > 50.0, "{}", work.0.exchanged[push][0]);
+}
+
+/// Energy balance of the 40 s trial, or as far as it is walked.
+fn energy_balance(config: &Config) -> (Work, f64) {
+    let (work, end_s) = metered(&mut simulation(config, Start::Standing, forty_second_trial()), 45.0);
+    for dissipative in ["knee_friction", "contact_normal", "contact_tangential"] {
+        assert!(work.of(dissipative) < 0.0, "{dissipative} {}", work.of(dissipative));
+    }
+    (work, end_s)
 }
 
 fn with_socket(config: Config) -> Config {
@@ -237,29 +269,29 @@ fn with_motor() -> Config {
 
 #[test]
 fn the_energy_balance_of_the_damper_closes_over_the_40_s_trial() {
-    let (work_of, end_s) = energy_balance(&with_solver(SolverParams::REFERENCE));
+    let (work, end_s) = energy_balance(&with_solver(SolverParams::REFERENCE));
     assert_eq!(end_s, 45.0, "it fell");
-    assert!(work_of("knee_command") < 0.0 && work_of("socket") == 0.0 && work_of("tube") == 0.0);
+    assert!(work.of("knee_command") < 0.0 && work.of("socket") == 0.0 && work.of("tube") == 0.0);
 }
 
 #[test]
 fn the_energy_balance_of_the_damper_with_a_socket_closes_over_the_40_s_trial() {
-    let (work_of, end_s) = energy_balance(&with_socket(with_solver(SolverParams::REFERENCE)));
+    let (work, end_s) = energy_balance(&with_socket(with_solver(SolverParams::REFERENCE)));
     assert_eq!(end_s, 45.0, "it fell");
-    assert!(work_of("knee_command") < 0.0 && work_of("socket") < 0.0);
+    assert!(work.of("knee_command") < 0.0 && work.of("socket") < 0.0);
 }
 
 /// Without recovery transitions its state machine does not survive the step to 1.4 m/s.
 #[test]
 fn the_energy_balance_of_the_motor_closes_until_its_fall() {
-    let (work_of, end_s) = energy_balance(&with_motor());
-    assert!(end_s > 10.0 && work_of("knee_command") > 0.0);
+    let (work, end_s) = energy_balance(&with_motor());
+    assert!(end_s > 10.0 && work.of("knee_command") > 0.0);
 }
 
 #[test]
 fn the_energy_balance_of_the_motor_with_a_socket_closes_until_its_fall() {
-    let (work_of, end_s) = energy_balance(&with_socket(with_motor()));
-    assert!(end_s > 10.0 && work_of("knee_command") > 0.0 && work_of("socket") < 0.0);
+    let (work, end_s) = energy_balance(&with_socket(with_motor()));
+    assert!(end_s > 10.0 && work.of("knee_command") > 0.0 && work.of("socket") < 0.0);
 }
 
 #[test]
@@ -269,8 +301,8 @@ fn the_energy_balance_closes_with_every_joint_and_contact_point_that_a_general_w
     config.tube.connection = Connection::Compliant;
     (config.body.sole_points, config.body.sole_radius_m) = (5, 0.3);
     config.ground.slope_deg = -1.0;
-    let (work_of, end_s) = energy_balance(&config);
-    assert!(end_s > 5.0 && work_of("socket") < 0.0 && work_of("tube") < 0.0);
+    let (work, end_s) = energy_balance(&config);
+    assert!(end_s > 5.0 && work.of("socket") < 0.0 && work.of("tube") < 0.0);
 }
 
 /// Steady gait, means over the last strides.
@@ -402,10 +434,32 @@ fn fingerprint<const L: usize>(simulation: &Simulation<L>, lane: usize) -> Strin
     format!("{motion:?}\n{signals:?}\n{forces:?}\n{:?}", plant.memory(lane))
 }
 
-/// Eight different episodes, one of which ends in a fall.
+/// A scenario of gusts, pushes at a gait phase and a human who does everything otherwise than the paper's.
+fn restless() -> ScenarioParams {
+    let mut scenario = ScenarioParams {
+        speed_m_s: Span::Fixed(1.1),
+        push_n: Span::Uniform([20.0, 60.0]),
+        push_phase: Span::Uniform([0.0, 0.8]),
+        ..ScenarioParams::default()
+    };
+    scenario.gust.force_n = Span::Uniform([-40.0, 40.0]);
+    let human = &mut scenario.human;
+    human.hip_lift_m = Span::Uniform([0.0, 0.02]);
+    human.swing_flexion_deg = Span::Uniform([0.0, 15.0]);
+    human.thigh_extension_change_deg = Span::Uniform([0.0, 3.0]);
+    human.stance_asymmetry = Span::Uniform([0.0, 0.2]);
+    human.step_delay_s = Span::Uniform([0.0, 0.03]);
+    human.touch_down_delay_s = Span::Uniform([0.0, 0.03]);
+    human.hip_stiffness_factor = Span::Uniform([0.8, 1.2]);
+    human.pendulum_stiffness_factor = Span::Uniform([1.0, 1.4]);
+    scenario
+}
+
+/// Eight different episodes, half of them restless, one of which ends in a fall.
 fn episodes() -> [Episode; 8] {
-    let mut episodes = std::array::from_fn(|lane| ScenarioParams::default().draw(&mut Pcg64::new(1, lane as u128)));
-    episodes[5].push = Push { force_x_n: -900.0, first_sample: 100, end_sample: 160 };
+    let scenarios = [ScenarioParams::default(), restless()];
+    let mut episodes = std::array::from_fn(|lane| scenarios[lane % 2].draw(&mut Pcg64::new(1, lane as u128)));
+    episodes[5].disturbance.pushes = vec![Push::new(TrunkPush { x: -900.0, y: 0.0 }, 0.5, 0.3, None)];
     episodes
 }
 

@@ -1,6 +1,6 @@
 //! State machine of the human (Figure 3): guards as thresholds, resets as one function per walker.
 
-use crate::human_controller::{Drive, Human, HumanParams, slip_leg};
+use crate::human_controller::{Drive, Human, HumanParams, Individual, reference, slip_leg};
 use crate::lanes::lanes;
 use crate::signals::GRAVITY;
 
@@ -45,6 +45,8 @@ pub struct Memory {
     pub step_start: f64,
     /// Start of the current intact state, s.
     pub state_start: f64,
+    /// When the human will react to an event that has already happened, s.
+    pub reaction: Option<f64>,
     /// Hip at the start of the current residual step, m.
     pub step_start_x: f64,
     /// Last touch-down of the intact leg, s.
@@ -98,7 +100,7 @@ lanes! {
 }
 
 /// What the guards look at.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Percept {
     /// Time, s.
     pub time: f64,
@@ -144,6 +146,11 @@ impl Memory {
         Self { residual: ResidualState::StepCycle, intact: IntactState::Swing, ..Self::standing(params, speed) }
     }
 
+    /// When the current residual step reaches `phase` of its expected cycle, s; never while standing.
+    pub fn time_at(&self, phase: f64) -> f64 {
+        if self.residual == ResidualState::Stand { f64::INFINITY } else { self.step_start + phase * self.cycle }
+    }
+
     /// Guard of the next transition.
     pub fn guard(&self, human: &Human, params: &HumanParams) -> Guard {
         const NEVER: f64 = f64::INFINITY;
@@ -155,6 +162,9 @@ impl Memory {
             midfoot_below: NEVER,
             intent_above: -NEVER,
         };
+        if let Some(reaction) = self.reaction {
+            return Guard { after: reaction, ..always };
+        }
         let earliest = self.state_start + params.shortest_state_s;
         match self.intact {
             IntactState::Both => Guard { intent_above: 0.5, ..always },
@@ -169,8 +179,31 @@ impl Memory {
         }
     }
 
-    /// The transition whose guard holds, for a hip at `hip_x` and the human's wishes at that time (Figure 3).
-    pub fn transition(&mut self, human: &Human, params: &HumanParams, time: f64, hip_x: f64, speed: f64, walks: bool) {
+    /// Delay of the human's reaction to the event whose guard holds, s.
+    fn delay(&self, individual: &Individual) -> f64 {
+        match self.intact {
+            IntactState::Swing => individual.variation.touch_down_delay_s,
+            IntactState::Stance if self.residual != ResidualState::StepStop => individual.variation.step_delay_s,
+            IntactState::Both | IntactState::Stance | IntactState::Double => 0.0,
+        }
+    }
+
+    /// The transition whose guard holds, or its delay, for a hip at `hip_x` and the human's wishes at that time (Figure 3).
+    pub fn transition(
+        &mut self,
+        human: &Human,
+        individual: &Individual,
+        time: f64,
+        hip_x: f64,
+        speed: f64,
+        walks: bool,
+    ) {
+        let delay = self.delay(individual);
+        if delay > 0.0 && self.reaction.is_none() {
+            self.reaction = Some(time + delay);
+            return;
+        }
+        self.reaction = None;
         match self.intact {
             IntactState::Both => {
                 self.start_residual_step(ResidualState::StepStart, time, hip_x, speed);
@@ -179,7 +212,7 @@ impl Memory {
                 self.intact = IntactState::Swing;
             }
             IntactState::Swing => {
-                self.start_intact_step(human, params, time, hip_x);
+                self.start_intact_step(human, individual, time, hip_x);
                 self.intact = IntactState::Stance;
             }
             IntactState::Stance if self.residual == ResidualState::StepStop => {
@@ -216,7 +249,8 @@ impl Memory {
         self.target_speed = speed;
     }
 
-    fn start_intact_step(&mut self, human: &Human, params: &HumanParams, time: f64, hip_x: f64) {
+    fn start_intact_step(&mut self, human: &Human, individual: &Individual, time: f64, hip_x: f64) {
+        let Individual { params, variation } = individual;
         self.intact_speed = (hip_x - self.touch_down_x) / (time - self.touch_down);
         self.ambulation_speed = self.intact_speed;
         self.intact_previous = self.intact_target;
@@ -225,7 +259,7 @@ impl Memory {
             // Equation 2, updated at the start of the intact leg's stance.
             let mean = 0.5 * (self.intact_previous + self.target_speed);
             let deficit = 0.5 * human.mass * (mean * mean - self.intact_speed * self.intact_speed);
-            self.thrust_gain += deficit / (0.5 * self.stride * mean * mean);
+            self.thrust_gain += variation.thrust_adaptation_factor * (deficit / (0.5 * self.stride * mean * mean));
         }
         self.touch_down = time;
         self.touch_down_x = hip_x;
@@ -233,22 +267,26 @@ impl Memory {
             human.slip_mass,
             self.stride / self.intact_target,
             params.slip_damping_ratio,
+            variation.pendulum_stiffness_factor,
         );
         self.slip_foot_x = hip_x + human.leg_length * human.touch_down_sin;
     }
 
     /// What the continuous equations run on until the next transition.
-    pub fn drive(&self, human: &Human, params: &HumanParams) -> Drive {
+    pub fn drive(&self, human: &Human, individual: &Individual) -> Drive {
+        let Individual { params, variation } = individual;
         let flexion = params.thigh_flexion_deg.to_radians();
         let extension = params.thigh_extension_deg.to_radians();
         let push_off = params.start_extension_deg.to_radians();
         let standing = self.residual == ResidualState::Stand;
+        let steps = matches!(self.residual, ResidualState::StepStart | ResidualState::StepCycle);
         let ([thigh_0, thigh_1, thigh_2, thigh_3, thigh_4], last_knot) = match self.residual {
             ResidualState::Stand => ([0.0; 5], 1.0),
             ResidualState::StepStart => ([0.0, push_off, push_off, flexion, flexion], 1.0),
             ResidualState::StepCycle => ([flexion, extension, extension, flexion, flexion], 1.0),
             ResidualState::StepStop => ([flexion, extension, extension, flexion, 0.0], 0.75),
         };
+        let stance = 1.0 - variation.stance_asymmetry;
         let mut drive = Drive {
             step_start: self.step_start,
             inverse_cycle: 1.0 / self.cycle,
@@ -258,6 +296,9 @@ impl Memory {
             thigh_3,
             thigh_4,
             last_knot,
+            extension_end: reference::EXTENSION_END * stance,
+            swing_start: reference::SWING_START * stance + variation.swing_start_change,
+            swing_flexion: if steps { variation.swing_flexion_deg.to_radians() } else { 0.0 },
             trunk: if standing { 0.0 } else { params.trunk_lean_deg.to_radians() },
             filter_delay: if standing {
                 params.standing_filter_delay_s
@@ -286,20 +327,22 @@ impl Memory {
                 drive.brake = params.standing_damping_ns_m;
             }
             IntactState::Swing => {}
-            IntactState::Stance | IntactState::Double => self.drive_intact_stance(human, params, &mut drive),
+            IntactState::Stance | IntactState::Double => self.drive_intact_stance(human, individual, &mut drive),
         }
         drive
     }
 
-    /// Pendulum, thrust and lift (sections 4.2 and 4.3).
-    fn drive_intact_stance(&self, human: &Human, params: &HumanParams, drive: &mut Drive) {
+    /// Pendulum, thrust and lift (sections 4.2 and 4.3); the lift of slow walking and the user's own add up.
+    fn drive_intact_stance(&self, human: &Human, individual: &Individual, drive: &mut Drive) {
+        let Individual { params, variation } = individual;
         let stance_travel = human.leg_length * human.touch_down_sin;
         drive.slip_stiffness = self.slip_stiffness;
         drive.slip_damping = self.slip_damping;
         drive.lift = params.lift_scale
             * params.lift_gain_m_per_m_s
             * self.slip_stiffness
-            * (params.lift_speed_m_s - self.target_speed).max(0.0);
+            * (params.lift_speed_m_s - self.target_speed).max(0.0)
+            + variation.hip_lift_m * self.slip_stiffness;
         if self.residual == ResidualState::StepStop {
             drive.brake = human.mass * self.intact_speed / stance_travel;
             drive.stop_lift = params.lift_scale * params.stop_lift_m * self.slip_stiffness;
@@ -309,6 +352,56 @@ impl Memory {
             drive.thrust = params.thrust_scale
                 * (self.thrust_gain * target * target
                     + 0.25 * human.mass * (target * target - previous * previous) / (2.0 * stance_travel));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::human_controller::variation::HumanVariation;
+
+    #[test]
+    fn delayed_reactions_come_their_delay_after_the_event_whatever_happens_meanwhile() {
+        let variation = HumanVariation { touch_down_delay_s: 0.02, step_delay_s: 0.05, ..HumanVariation::default() };
+        let human = Individual::new(&HumanParams::default(), variation);
+        for (from, to, delay) in
+            [(IntactState::Swing, IntactState::Stance, 0.02), (IntactState::Stance, IntactState::Double, 0.05)]
+        {
+            let mut memory = Memory { intact: from, ..Memory::cyclic(&human.params, 1.1) };
+            let before = memory;
+            memory.transition(&Human::default(), &human, 3.0, 2.0, 1.1, true);
+            assert_eq!(memory, Memory { reaction: Some(3.0 + delay), ..before });
+            let guard = memory.guard(&Human::default(), &human.params);
+            let percept = Percept { time: 3.0 + delay, hip_y: 2.0, pendulum: 1e4, ..Percept::default() };
+            assert!(!holds(&guard, &percept));
+            assert!(holds(&guard, &Percept { time: 3.001 + delay, ..percept }));
+            memory.transition(&Human::default(), &human, 3.0 + delay, 2.1, 1.1, true);
+            assert_eq!((memory.intact, memory.reaction, memory.state_start), (to, None, 3.0 + delay));
+        }
+    }
+
+    #[test]
+    fn a_step_reaches_its_phases_in_expected_cycles_and_standing_never_does() {
+        let memory = Memory { step_start: 3.0, cycle: 1.2, ..Memory::cyclic(&HumanParams::default(), 1.1) };
+        assert_eq!(memory.time_at(0.5), 3.6);
+        assert_eq!(Memory::standing(&HumanParams::default(), 1.1).time_at(0.5), f64::INFINITY);
+    }
+
+    #[test]
+    fn the_thrust_gain_adapts_by_its_factor() {
+        let geometry = Human { mass: 75.0, slip_mass: 50.0, leg_length: 0.92, ..Human::default() };
+        let change = |factor: f64| {
+            let variation = HumanVariation { thrust_adaptation_factor: factor, ..HumanVariation::default() };
+            let human = Individual::new(&HumanParams::default(), variation);
+            let mut memory = Memory::cyclic(&human.params, 1.1);
+            memory.transition(&geometry, &human, 1.0, 0.9, 1.1, true);
+            memory.thrust_gain - human.params.thrust_gain_ns2_m2
+        };
+        // Half the kinetic energy that 0.9 m/s lacks to 1.1 m/s, over the thrust's work of one step per gain.
+        let full = 0.5 * 75.0 * (1.21 - 0.81) / (0.5 * 4.0 / 3.0 * 1.21);
+        for factor in [0.0, 0.5, 1.0, 2.0] {
+            assert!((change(factor) - factor * full).abs() < 1e-9, "{factor}: {}", change(factor));
         }
     }
 }

@@ -8,9 +8,11 @@ pub mod impedance;
 pub mod intent;
 pub mod reference;
 pub mod slip_leg;
+pub mod variation;
 
 use crate::lanes::lanes;
 use crate::params::{above, params, within};
+use variation::HumanVariation;
 
 params! {
     /// Human controller (sections 4.1 to 4.3; values of the supplementary material where the paper gives none).
@@ -59,7 +61,7 @@ params! {
         thrust_gain_ns2_m2: f64 = 50.0, "N s^2/m^2", within(-1e4, 1e4);
         /// Factor on the forward thrust; 0 removes it. The braking of the stopping step stays (section 5.2.2).
         thrust_scale: f64 = 1.0, "1", within(0.0, 10.0);
-        /// Factor on the lift forces; 0 removes them (section 5.2.2).
+        /// Factor on the lift forces of slow walking and stopping; 0 removes them (section 5.2.2).
         lift_scale: f64 = 1.0, "1", within(0.0, 10.0);
         /// Lift per speed deficit as a share of the pendulum stiffness (section 4.3).
         lift_gain_m_per_m_s: f64 = 0.1, "m/(m/s)", within(0.0, 1.0);
@@ -77,6 +79,22 @@ params! {
         heel_strike_force_n: f64 = 1.0, "N", within(0.0, 1e3);
         /// How far the hip may be from passing mid-foot to stand still.
         stop_distance_m: f64 = 0.01, "m", within(-0.5, 0.5);
+    }
+}
+
+/// The human of one walker in one episode.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Individual {
+    /// Parameters, with changes and factors of the variation in them.
+    pub params: HumanParams,
+    /// What this human does otherwise than the paper's.
+    pub variation: HumanVariation,
+}
+
+impl Individual {
+    /// A human of the given parameters, varied.
+    pub fn new(params: &HumanParams, variation: HumanVariation) -> Self {
+        Self { params: params.varied(&variation), variation }
     }
 }
 
@@ -142,16 +160,22 @@ lanes! {
         inverse_cycle: f64,
         /// Rough thigh angle at the knots of the step template, rad.
         thigh_0: f64,
-        /// At a quarter of the cycle.
+        /// At the end of its extension.
         thigh_1: f64,
-        /// At half the cycle.
+        /// At the start of swing.
         thigh_2: f64,
-        /// Just after half the cycle.
+        /// Just after it.
         thigh_3: f64,
         /// At the last knot.
         thigh_4: f64,
         /// Phase of the last knot.
         last_knot: f64,
+        /// Phase at which the extension ends.
+        extension_end: f64,
+        /// Phase at which the thigh swings forward.
+        swing_start: f64,
+        /// Further flexion in swing, rad.
+        swing_flexion: f64,
         /// Rough trunk angle, rad.
         trunk: f64,
         /// Filter delay t_d, s.

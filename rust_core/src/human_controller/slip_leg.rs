@@ -38,9 +38,10 @@ pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f6
     }
 }
 
-/// Stiffness k_p and damping c_p of the pendulum for an expected stride time (section 4.2, with the factor 4 that the print lacks).
-pub fn stiffness_and_damping(mass: f64, stride_time: f64, damping_ratio: f64) -> (f64, f64) {
+/// Stiffness k_p and damping c_p of the pendulum for an expected stride time (section 4.2, with the factor 4 that the print
+/// lacks, and the user's own factor on the stiffness).
+pub fn stiffness_and_damping(mass: f64, stride_time: f64, damping_ratio: f64, factor: f64) -> (f64, f64) {
     let period = 0.25 * stride_time * (1.0 - damping_ratio * damping_ratio).sqrt();
-    let stiffness = mass * (2.0 * std::f64::consts::PI / period).powi(2);
+    let stiffness = factor * mass * (2.0 * std::f64::consts::PI / period).powi(2);
     (stiffness, 2.0 * damping_ratio * (stiffness * mass).sqrt())
 }

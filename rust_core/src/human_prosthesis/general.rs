@@ -167,7 +167,7 @@ impl<const L: usize> HumanProsthesis<L> {
                 walker.drive_tube(work, springs(tube), step);
             }
             let trunk = self.trunk_force.get(lane);
-            walker.push_trunk(work, trunk.x + self.push_x[lane], trunk.y);
+            walker.push_trunk(work, trunk.x + self.push_x[lane], trunk.y + self.push_y[lane]);
             let usual = self.contacts.iter().zip(&self.surfaces);
             let more = general.contacts.iter().zip(&general.surfaces);
             for (index, (contact, surface)) in usual.chain(more).enumerate() {

@@ -27,7 +27,7 @@ use crate::human_controller::impedance::ImpedanceTorqueLanes;
 use crate::human_controller::intent::Profile;
 use crate::human_controller::reference::{self, Reference};
 use crate::human_controller::slip_leg::{self, TrunkForceLanes};
-use crate::human_controller::{DriveLanes, Human, HumanLanes, HumanParams, LegGeometry};
+use crate::human_controller::{DriveLanes, Human, HumanLanes, HumanParams, Individual, LegGeometry};
 use crate::hybrid_dynamics::body::{Body, BodyLanes};
 use crate::hybrid_dynamics::walker::{
     self, AccelerationLanes, JointTorque, KinematicsLanes, Loads, Motion, Point, Prescribed, PrescribedLanes,
@@ -67,11 +67,14 @@ pub struct HumanProsthesis<const L: usize> {
     sole: Vec<[f64; 2]>,
     /// Walkers with more joints than the usual ones.
     general: Option<Box<General<L>>>,
+    individual: [Individual; L],
     // Inputs, constant over a control period.
     /// Command to the knee unit, in its own unit.
     pub command: [f64; L],
     /// Disturbance on the trunk, forward, N.
     pub push_x: [f64; L],
+    /// Disturbance on the trunk, up, N.
+    pub push_y: [f64; L],
     /// Intent, 0 stand or 1 walk.
     pub intent: [f64; L],
     /// Intent and intended speed over time.
@@ -130,8 +133,10 @@ impl<const L: usize> HumanProsthesis<L> {
             human_params: params.human.clone(),
             sole: params.body.sole(),
             general: General::new(params, body.mass),
+            individual: std::array::from_fn(|_| Individual::default()),
             command: [0.0; L],
             push_x: [0.0; L],
+            push_y: [0.0; L],
             intent: [0.0; L],
             profile: std::array::from_fn(|_| Profile::default()),
             memory: [Memory::default(); L],
@@ -165,8 +170,9 @@ impl<const L: usize> HumanProsthesis<L> {
 
     fn refresh_drive(&mut self, lane: usize) {
         let human = self.human.get(lane);
-        self.drive.set(lane, self.memory[lane].drive(&human, &self.human_params));
-        self.guard.set(lane, self.memory[lane].guard(&human, &self.human_params));
+        let individual = &self.individual[lane];
+        self.drive.set(lane, self.memory[lane].drive(&human, individual));
+        self.guard.set(lane, self.memory[lane].guard(&human, &individual.params));
     }
 
     #[inline(always)]
@@ -178,7 +184,7 @@ impl<const L: usize> HumanProsthesis<L> {
         let [heel, ball, knee, hip_contact] = self.ground_forces::<LEVEL>(lane);
         Loads {
             trunk_x: trunk.x + self.push_x[lane] + hip_contact.x,
-            trunk_y: trunk.y + hip_contact.y,
+            trunk_y: trunk.y + self.push_y[lane] + hip_contact.y,
             knee_x: knee.x,
             knee_y: knee.y,
             hip: JointTorque { torque: hip.torque, damping: hip.damping, stiffness: hip.stiffness },
@@ -255,7 +261,7 @@ impl<const L: usize> HumanProsthesis<L> {
         let human = self.human.get(lane);
         let speed = self.profile[lane].speed(time);
         let walks = self.intent[lane] > 0.5;
-        self.memory[lane].transition(&human, &self.human_params, time, motion.hip_x, speed, walks);
+        self.memory[lane].transition(&human, &self.individual[lane], time, motion.hip_x, speed, walks);
         self.memory[lane].slip_foot_y = self.ground_height(lane, self.memory[lane].slip_foot_x);
         self.refresh_drive(lane);
         // The pendulum force follows from the new drive; kinematics and contacts stay as sensed.

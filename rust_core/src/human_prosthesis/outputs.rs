@@ -253,7 +253,7 @@ impl<const L: usize> HumanProsthesis<L> {
             self.hip_torque.torque[lane] * joints.hip_rate,
             self.reactions(state, lane).trunk_torque * trunk_rate,
             trunk.x * motion.hip_vx + trunk.y * motion.hip_vy,
-            self.push_x[lane] * motion.hip_vx,
+            self.push_x[lane] * motion.hip_vx + self.push_y[lane] * motion.hip_vy,
             unit[0],
             unit[1],
             unit[2],

@@ -1,9 +1,10 @@
 //! How a trial starts: from standing, or at the heel strike of a cyclic step.
 
 use super::{HEEL, HumanProsthesis, Rest, State};
-use crate::human_controller::HumanParams;
 use crate::human_controller::gait_fsm::Memory;
 use crate::human_controller::reference::Reference;
+use crate::human_controller::variation::HumanVariation;
+use crate::human_controller::{HumanParams, Individual};
 use crate::hybrid_dynamics::body::Body;
 use crate::hybrid_dynamics::walker::{self, Motion};
 use crate::math::sin_cos;
@@ -27,15 +28,16 @@ const CYCLIC_SPEED_FACTOR: f64 = 1.2;
 
 impl<const L: usize> HumanProsthesis<L> {
     /// Puts the walker in `lane` at the start of a trial with its current profile (sections 5.1 and 5.4 of the model).
-    pub fn start(&mut self, state: &mut State<L>, lane: usize, start: Start) {
+    pub fn start(&mut self, state: &mut State<L>, lane: usize, start: Start, variation: HumanVariation) {
         let body = self.body.get(lane);
+        let individual = Individual::new(&self.human_params, variation);
         let speed = self.profile[lane].speed(0.0);
         let (mut motion, mut reference) = match start {
             Start::Standing => (posture(&body, 0.0, STANDING_KNEE_DEG.to_radians()), Reference::default()),
             Start::Cyclic => {
                 let mut motion = touch_down_posture(&body, &self.human_params);
                 motion.hip_vx = CYCLIC_SPEED_FACTOR * speed;
-                let trunk = self.human_params.trunk_lean_deg.to_radians();
+                let trunk = individual.params.trunk_lean_deg.to_radians();
                 (motion, Reference { trunk, hip: motion.thigh - trunk, ..Reference::default() })
             }
         };
@@ -60,9 +62,10 @@ impl<const L: usize> HumanProsthesis<L> {
         let rotor = self.unit.start(lane, motion.thigh - motion.shank);
         state.rotor.set(lane, rotor);
         self.memory[lane] = match start {
-            Start::Standing => Memory::standing(&self.human_params, speed),
-            Start::Cyclic => Memory::cyclic(&self.human_params, speed),
+            Start::Standing => Memory::standing(&individual.params, speed),
+            Start::Cyclic => Memory::cyclic(&individual.params, speed),
         };
+        self.individual[lane] = individual;
         self.refresh_drive(lane);
     }
 }

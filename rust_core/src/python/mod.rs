@@ -10,14 +10,15 @@ use serde::de::DeserializeOwned;
 
 use crate::batch::Batch;
 use crate::config::Config;
+use crate::disturbance::Push;
 use crate::environment::{Autoreset, StepOutput};
 use crate::error::Error;
 use crate::human_controller::intent::Knot;
+use crate::human_controller::variation::HumanVariation;
 use crate::prosthesis_controller::agent;
 use crate::recorder::COLUMNS;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
-use crate::signals::CONTROL_PERIOD_S;
 use crate::termination::REASONS;
 
 impl From<Error> for PyErr {
@@ -147,8 +148,11 @@ impl PyBatch {
         columns.set_item("start", PyArray1::from_iter(py, starts))?;
         columns.set_item("first_speed_m_s", column(&|e| speed(e.profile.knots.first())))?;
         columns.set_item("last_speed_m_s", column(&|e| speed(e.profile.knots.last())))?;
-        columns.set_item("push_n", column(&|e| e.push.force_x_n))?;
-        columns.set_item("push_s", column(&|e| e.push.first_sample as f64 * CONTROL_PERIOD_S))?;
+        columns.set_item("push_n", column(&|e| e.disturbance.pushes.first().map_or(0.0, |push| push.force.x)))?;
+        columns.set_item("push_s", column(&|e| e.disturbance.pushes.first().map_or(f64::NAN, Push::earliest_s)))?;
+        for (i, name) in HumanVariation::NAMES.iter().enumerate() {
+            columns.set_item(name, column(&|e| e.human.values()[i]))?;
+        }
         Ok(columns)
     }
 
