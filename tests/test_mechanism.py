@@ -160,9 +160,12 @@ def test_radius_that_no_arc_through_heel_and_ball_can_have_is_an_error() -> None
         resolve({"body": {"sole_points": 5, "sole_radius_m": 0.05}})
 
 
-def test_step_that_a_stiff_tube_makes_unstable_is_an_error() -> None:
+@pytest.mark.parametrize(
+    "settings", [("tube.connection=compliant", "tube.stiffness_n_m=1e8"), (SOCKET, "socket.damping_ratio=2")]
+)
+def test_step_that_stiff_dampers_make_unstable_is_an_error(settings: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match=r"solver\.steps = 50 must be at least"):
-        resolve(apply_settings(BASE, ["tube.connection=compliant", "tube.stiffness_n_m=1e8"]))
+        resolve(apply_settings(BASE, settings))
 
 
 @pytest.mark.parametrize("key", ["socket.connection", "tube.connection", "mechanism.trunk"])
