@@ -253,8 +253,124 @@ pub struct Loads {
     pub ball: PointForce,
 }
 
-const COORDINATES: usize = 5;
-type Matrix = [[f64; COORDINATES]; COORDINATES];
+/// A symmetric 2 x 2 matrix in world axes; `xy` is 0 on level ground and never looked at there.
+#[derive(Clone, Copy)]
+struct Planar {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+impl Planar {
+    /// `along` and `across` a surface of the given slope, turned into world axes.
+    #[inline(always)]
+    fn turned<const LEVEL: bool>(along: f64, across: f64, sin: f64, cos: f64) -> Self {
+        if LEVEL {
+            return Self { xx: along, xy: 0.0, yy: across };
+        }
+        let (sin2, cos2) = (sin * sin, cos * cos);
+        Self { xx: cos2 * along + sin2 * across, xy: sin * cos * (along - across), yy: sin2 * along + cos2 * across }
+    }
+
+    #[inline(always)]
+    fn apply<const LEVEL: bool>(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        if LEVEL { [self.xx * x, self.yy * y] } else { [self.xx * x + self.xy * y, self.xy * x + self.yy * y] }
+    }
+}
+
+#[inline(always)]
+fn dot([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
+    ax * bx + ay * by
+}
+
+/// Lower triangle of a symmetric positive definite matrix over hip x, hip y, thigh, shank, foot, and a right-hand side.
+///
+/// Every entry has a name of its own: an array in a lane loop would keep the loop from becoming vector code.
+struct Equations {
+    xx: f64,
+    yx: f64,
+    yy: f64,
+    tx: f64,
+    ty: f64,
+    tt: f64,
+    sx: f64,
+    sy: f64,
+    st: f64,
+    ss: f64,
+    fx: f64,
+    fy: f64,
+    ft: f64,
+    fs: f64,
+    ff: f64,
+    x: f64,
+    y: f64,
+    t: f64,
+    s: f64,
+    f: f64,
+}
+
+impl Equations {
+    /// Solution by an unrolled L D L^T decomposition; on level ground `yx` is 0 and left out.
+    #[inline(always)]
+    fn solve<const LEVEL: bool>(self) -> Acceleration {
+        let Self {
+            xx,
+            yx,
+            mut yy,
+            tx,
+            mut ty,
+            mut tt,
+            sx,
+            mut sy,
+            mut st,
+            mut ss,
+            fx,
+            mut fy,
+            mut ft,
+            mut fs,
+            mut ff,
+            ..
+        } = self;
+        let Self { x, mut y, mut t, mut s, mut f, .. } = self;
+
+        let inverse_x = 1.0 / xx;
+        let (lt, ls, lf) = (tx * inverse_x, sx * inverse_x, fx * inverse_x);
+        if !LEVEL {
+            let ly = yx * inverse_x;
+            yy -= ly * yx;
+            y -= ly * x;
+            ty -= lt * yx;
+            sy -= ls * yx;
+            fy -= lf * yx;
+        }
+        (tt, st, ss) = (tt - lt * tx, st - ls * tx, ss - ls * sx);
+        (ft, fs, ff) = (ft - lf * tx, fs - lf * sx, ff - lf * fx);
+        (t, s, f) = (t - lt * x, s - ls * x, f - lf * x);
+
+        let inverse_y = 1.0 / yy;
+        let (lt, ls, lf) = (ty * inverse_y, sy * inverse_y, fy * inverse_y);
+        (tt, st, ss) = (tt - lt * ty, st - ls * ty, ss - ls * sy);
+        (ft, fs, ff) = (ft - lf * ty, fs - lf * sy, ff - lf * fy);
+        (t, s, f) = (t - lt * y, s - ls * y, f - lf * y);
+
+        let inverse_t = 1.0 / tt;
+        let (ls, lf) = (st * inverse_t, ft * inverse_t);
+        (ss, fs, ff) = (ss - ls * st, fs - lf * st, ff - lf * ft);
+        (s, f) = (s - ls * t, f - lf * t);
+
+        let inverse_s = 1.0 / ss;
+        let lf = fs * inverse_s;
+        (ff, f) = (ff - lf * fs, f - lf * s);
+
+        let foot = f / ff;
+        let shank = (s - fs * foot) * inverse_s;
+        let thigh = (t - st * shank - ft * foot) * inverse_t;
+        let hip_y = (y - ty * thigh - sy * shank - fy * foot) * inverse_y;
+        let left = x - tx * thigh - sx * shank - fx * foot;
+        let hip_x = (if LEVEL { left } else { left - yx * hip_y }) * inverse_x;
+        Acceleration { hip_x, hip_y, thigh, shank, foot }
+    }
+}
 
 /// Mean acceleration over a linearly implicit step of length `step`; with `step = 0` the acceleration itself.
 ///
@@ -272,21 +388,6 @@ pub fn acceleration<const LEVEL: bool>(
     let (w1, w2, w3) = (motion.thigh_rate, motion.shank_rate, motion.foot_rate);
     let (c1, c2, c3) = (w1 * w1, w2 * w2, w3 * w3);
 
-    // Mass matrix, lower triangle; order: hip x, hip y, thigh, shank, foot.
-    let mut matrix: Matrix = [
-        [body.mass, 0.0, 0.0, 0.0, 0.0],
-        [0.0, body.mass, 0.0, 0.0, 0.0],
-        [-kin.thigh_my, kin.thigh_mx, body.thigh_inertia, 0.0, 0.0],
-        [-kin.shank_my, kin.shank_mx, kin.thigh_x * kin.shank_mx + kin.thigh_y * kin.shank_my, body.shank_inertia, 0.0],
-        [
-            -kin.foot_my,
-            kin.foot_mx,
-            kin.thigh_x * kin.foot_mx + kin.thigh_y * kin.foot_my,
-            kin.shank_x * kin.foot_mx + kin.shank_y * kin.foot_my,
-            body.foot_inertia,
-        ],
-    ];
-
     // (z x L_i) . S_j = L_i x S_j: centripetal coupling of two segments.
     let thigh_shank = kin.thigh_x * kin.shank_my - kin.thigh_y * kin.shank_mx;
     let thigh_foot = kin.thigh_x * kin.foot_my - kin.thigh_y * kin.foot_mx;
@@ -296,89 +397,77 @@ pub fn acceleration<const LEVEL: bool>(
     let hip = loads.hip.torque - step * loads.hip.stiffness * loads.hip_error_rate;
     let knee = loads.knee.torque - step * loads.knee.stiffness * (w2 - w1);
     let ankle = loads.ankle.torque - step * loads.ankle.stiffness * (w3 - w2);
+    let implicit = |damping: f64, stiffness: f64| step * (damping + step * stiffness);
+    let hip_implicit = implicit(loads.hip.damping, loads.hip.stiffness);
+    let knee_implicit = implicit(loads.knee.damping, loads.knee.stiffness);
+    let ankle_implicit = implicit(loads.ankle.damping, loads.ankle.stiffness);
+
+    // How the foot's contact points move with thigh, shank and foot: the normals of the segment vectors.
+    let (thigh, shank) = ([-kin.thigh_y, kin.thigh_x], [-kin.shank_y, kin.shank_x]);
+    let contact = |point: &PointForce, arm_x: f64, arm_y: f64| {
+        let velocity = foot_point(motion, kin, arm_x, arm_y);
+        let stiffness = Planar::turned::<LEVEL>(point.stiffness_x, point.stiffness_y, point.sin, point.cos);
+        let [back_x, back_y] = stiffness.apply::<LEVEL>([velocity.vx, velocity.vy]);
+        let damping = Planar::turned::<LEVEL>(
+            implicit(point.damping_x, point.stiffness_x),
+            implicit(point.damping_y, point.stiffness_y),
+            point.sin,
+            point.cos,
+        );
+        ([-arm_y, arm_x], [point.x - step * back_x, point.y - step * back_y], damping)
+    };
+    let (heel_arm, heel_force, heel) = contact(&loads.heel, kin.heel_x, kin.heel_y);
+    let (ball_arm, ball_force, ball) = contact(&loads.ball, kin.ball_x, kin.ball_y);
+    // Both points move alike with hip, thigh and shank: there only their sums count.
+    let both = Planar { xx: heel.xx + ball.xx, xy: heel.xy + ball.xy, yy: heel.yy + ball.yy };
+    let ground = [heel_force[0] + ball_force[0], heel_force[1] + ball_force[1]];
+    let (with_thigh, with_shank) = (both.apply::<LEVEL>(thigh), both.apply::<LEVEL>(shank));
+    let (heel_foot, ball_foot) = (heel.apply::<LEVEL>(heel_arm), ball.apply::<LEVEL>(ball_arm));
+    let with_foot = [heel_foot[0] + ball_foot[0], heel_foot[1] + ball_foot[1]];
 
     let trunk_centripetal = trunk.rate * trunk.rate;
-    let mut force = [
-        loads.trunk_x
+    Equations {
+        // Mass matrix, implicit shares of joints and contacts.
+        xx: body.mass + both.xx,
+        yx: both.xy,
+        yy: body.mass + both.yy,
+        tx: with_thigh[0] - kin.thigh_my,
+        ty: with_thigh[1] + kin.thigh_mx,
+        tt: body.thigh_inertia + hip_implicit + knee_implicit + dot(with_thigh, thigh),
+        sx: with_shank[0] - kin.shank_my,
+        sy: with_shank[1] + kin.shank_mx,
+        st: kin.thigh_x * kin.shank_mx + kin.thigh_y * kin.shank_my - knee_implicit + dot(with_shank, thigh),
+        ss: body.shank_inertia + knee_implicit + ankle_implicit + dot(with_shank, shank),
+        fx: with_foot[0] - kin.foot_my,
+        fy: with_foot[1] + kin.foot_mx,
+        ft: kin.thigh_x * kin.foot_mx + kin.thigh_y * kin.foot_my + dot(with_foot, thigh),
+        fs: kin.shank_x * kin.foot_mx + kin.shank_y * kin.foot_my - ankle_implicit + dot(with_foot, shank),
+        ff: body.foot_inertia + ankle_implicit + dot(heel_foot, heel_arm) + dot(ball_foot, ball_arm),
+        // Forces and centripetal terms.
+        x: loads.trunk_x
             + loads.knee_x
+            + ground[0]
             + trunk.acceleration * kin.trunk_my
             + trunk_centripetal * kin.trunk_mx
             + c1 * kin.thigh_mx
             + c2 * kin.shank_mx
             + c3 * kin.foot_mx,
-        loads.trunk_y + loads.knee_y - body.mass * GRAVITY - trunk.acceleration * kin.trunk_mx
+        y: loads.trunk_y + loads.knee_y + ground[1] - body.mass * GRAVITY - trunk.acceleration * kin.trunk_mx
             + trunk_centripetal * kin.trunk_my
             + c1 * kin.thigh_my
             + c2 * kin.shank_my
             + c3 * kin.foot_my,
-        hip - knee - GRAVITY * kin.thigh_mx - kin.thigh_y * loads.knee_x
+        t: hip - knee - GRAVITY * kin.thigh_mx - kin.thigh_y * loads.knee_x
             + kin.thigh_x * loads.knee_y
+            + dot(ground, thigh)
             + c2 * thigh_shank
             + c3 * thigh_foot,
-        knee - ankle - GRAVITY * kin.shank_mx - c1 * thigh_shank + c3 * shank_foot,
-        ankle - GRAVITY * kin.foot_mx - c1 * thigh_foot - c2 * shank_foot,
-    ];
-
-    let implicit = |damping: f64, stiffness: f64| step * (damping + step * stiffness);
-    let hip_implicit = implicit(loads.hip.damping, loads.hip.stiffness);
-    let knee_implicit = implicit(loads.knee.damping, loads.knee.stiffness);
-    let ankle_implicit = implicit(loads.ankle.damping, loads.ankle.stiffness);
-    matrix[2][2] += hip_implicit + knee_implicit;
-    matrix[3][2] -= knee_implicit;
-    matrix[3][3] += knee_implicit + ankle_implicit;
-    matrix[4][3] -= ankle_implicit;
-    matrix[4][4] += ankle_implicit;
-
-    for (point, arm_x, arm_y) in [(&loads.heel, kin.heel_x, kin.heel_y), (&loads.ball, kin.ball_x, kin.ball_y)] {
-        let velocity = foot_point(motion, kin, arm_x, arm_y);
-        let mut row_x = [1.0, 0.0, -kin.thigh_y, -kin.shank_y, -arm_y];
-        let mut row_y = [0.0, 1.0, kin.thigh_x, kin.shank_x, arm_x];
-        let (mut x, mut y, mut vx, mut vy) = (point.x, point.y, velocity.vx, velocity.vy);
-        if !LEVEL {
-            let turned = |x: f64, y: f64| (point.cos * x + point.sin * y, point.cos * y - point.sin * x);
-            ((x, y), (vx, vy)) = (turned(x, y), turned(vx, vy));
-            for i in 0..COORDINATES {
-                (row_x[i], row_y[i]) = turned(row_x[i], row_y[i]);
-            }
-        }
-        x -= step * point.stiffness_x * vx;
-        y -= step * point.stiffness_y * vy;
-        let implicit_x = implicit(point.damping_x, point.stiffness_x);
-        let implicit_y = implicit(point.damping_y, point.stiffness_y);
-        for i in 0..COORDINATES {
-            force[i] += row_x[i] * x + row_y[i] * y;
-            for j in 0..=i {
-                matrix[i][j] += implicit_x * row_x[i] * row_x[j] + implicit_y * row_y[i] * row_y[j];
-            }
-        }
+        s: knee - ankle - GRAVITY * kin.shank_mx + dot(ground, shank) - c1 * thigh_shank + c3 * shank_foot,
+        f: ankle - GRAVITY * kin.foot_mx + dot(heel_force, heel_arm) + dot(ball_force, ball_arm)
+            - c1 * thigh_foot
+            - c2 * shank_foot,
     }
-
-    let [hip_x, hip_y, thigh, shank, foot] = solve_positive_definite(matrix, force);
-    Acceleration { hip_x, hip_y, thigh, shank, foot }
-}
-
-/// Solves `A x = b` for the lower triangle of a symmetric positive definite A by an unrolled L D L^T decomposition.
-#[inline(always)]
-fn solve_positive_definite(mut a: Matrix, mut b: [f64; COORDINATES]) -> [f64; COORDINATES] {
-    let mut inverse_pivot = [0.0; COORDINATES];
-    for j in 0..COORDINATES {
-        inverse_pivot[j] = 1.0 / a[j][j];
-        for i in j + 1..COORDINATES {
-            let factor = a[i][j] * inverse_pivot[j];
-            for k in j + 1..=i {
-                a[i][k] -= factor * a[k][j];
-            }
-            b[i] -= factor * b[j];
-        }
-    }
-    for j in (0..COORDINATES).rev() {
-        let mut sum = b[j];
-        for i in j + 1..COORDINATES {
-            sum -= a[i][j] * b[i];
-        }
-        b[j] = sum * inverse_pivot[j];
-    }
-    b
+    .solve::<LEVEL>()
 }
 
 lanes! {
