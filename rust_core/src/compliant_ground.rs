@@ -65,6 +65,8 @@ lanes! {
         normal: f64,
         /// Force forward on the point, N.
         tangential: f64,
+        /// Force forward over the root of the depth, N/m^0.5; 0 above ground.
+        drag: f64,
         /// -d normal / d upward velocity, N s/m.
         normal_damping: f64,
         /// -d normal / d height, N/m.
@@ -83,16 +85,19 @@ lanes! {
 pub fn contact(ground: &Ground, height: f64, vx: f64, vy: f64, deformation: f64) -> Contact {
     let depth = max(-height, 0.0);
     let root = depth.sqrt();
-    let pressing = root * (ground.stiffness * depth - ground.damping * vy);
-    let pushes = pressing > 0.0;
-    let normal = select(pushes, pressing, 0.0);
-    let sticking = -root * (ground.stiffness * deformation + ground.damping * vx);
-    let limit = ground.friction * normal;
+    // Forces over the root of the depth: K z - D y' and K u + D x'.
+    let pressing = ground.stiffness * depth - ground.damping * vy;
+    let pushes = (depth > 0.0) & (pressing > 0.0);
+    let push = select(pushes, pressing, 0.0);
+    let sticking = -(ground.stiffness * deformation + ground.damping * vx);
+    let limit = ground.friction * push;
     let slips = sticking.abs() > limit;
+    let drag = select(slips, limit.copysign(sticking), sticking);
     Contact {
         depth,
-        normal,
-        tangential: select(slips, limit.copysign(sticking), sticking),
+        normal: root * push,
+        tangential: root * drag,
+        drag: select(depth > 0.0, drag, 0.0),
         normal_damping: select(pushes, root * ground.damping, 0.0),
         // The term -D vy / (2 root) of the exact derivative is left out: it is infinite at touch-down.
         normal_stiffness: select(pushes, 1.5 * ground.stiffness * root, 0.0),
@@ -107,10 +112,7 @@ pub fn contact(ground: &Ground, height: f64, vx: f64, vy: f64, deformation: f64)
 #[inline(always)]
 pub fn deformation_rate(ground: &Ground, contact: &Contact, deformation: f64, vx: f64, step: f64) -> f64 {
     let sticks = contact.tangential_damping > 0.0;
-    let touches = contact.depth > 0.0;
-    let root = select(touches, contact.depth, 1.0).sqrt();
-    let force = select(touches, contact.tangential / root, 0.0);
-    let relaxation = -(force + ground.stiffness * deformation) / (ground.damping + step * ground.stiffness);
+    let relaxation = -(contact.drag + ground.stiffness * deformation) / (ground.damping + step * ground.stiffness);
     select(sticks, vx, relaxation)
 }
 

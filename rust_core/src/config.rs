@@ -39,7 +39,7 @@ pub struct SolverParams {
 
 impl Default for SolverParams {
     fn default() -> Self {
-        Self { stepper: Stepper::LinearlyImplicitEuler, steps: 5 }
+        Self { stepper: Stepper::TwoStageW, steps: 6 }
     }
 }
 
@@ -56,13 +56,13 @@ impl SolverParams {
             range: range.to_owned(),
             doc: doc.to_owned(),
         };
-        let steppers = "linearly_implicit_euler | rk4";
+        let steppers = "two_stage_w | linearly_implicit_euler | rk4";
         vec![
             row(
                 "stepper",
-                "linearly_implicit_euler".into(),
+                "two_stage_w".into(),
                 steppers,
-                "One-step method; rk4 with 50 steps is the reference.",
+                "One-step method; two_stage_w is the fast one, rk4 with 50 steps the reference.",
             ),
             row("steps", defaults.steps.to_string(), "[1, 10000], rk4 [20, 10000]", "Steps per 5 ms control period."),
         ]

@@ -80,6 +80,7 @@ impl<const L: usize> Simulation<L> {
     pub fn observe_started(&mut self, started: &[bool; L]) {
         self.set_intent();
         self.disturb();
+        self.plant.sense(&self.state);
         self.evaluate();
         for lane in (0..L).filter(|&lane| started[lane]) {
             self.truth.set(lane, self.measure(lane));
@@ -157,6 +158,7 @@ impl<const L: usize> Simulation<L> {
             self.sample[lane] += 1;
             self.state.rest.time[lane] = self.sample[lane] as f64 * CONTROL_PERIOD_S;
         }
+        self.plant.sense_trunk_forces(&self.state);
         self.evaluate();
         for lane in 0..L {
             self.truth.set(lane, self.measure(lane));
@@ -167,10 +169,9 @@ impl<const L: usize> Simulation<L> {
         }
     }
 
-    /// Evaluates forces and accelerations at the present state.
+    /// Evaluates forces and accelerations at the sensed state.
     #[inline(always)]
     fn evaluate(&mut self) {
-        self.plant.sense(&self.state);
         self.plant.rates(&self.state, &[0.0; L], &mut self.scratch);
     }
 

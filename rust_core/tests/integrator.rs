@@ -255,14 +255,81 @@ const CIRCLE_STARTS: [[f64; 3]; 4] = [[0.0, 0.3, 0.1], [0.0, -1.2, 0.4], [0.0, 0
 fn every_stepper_converges_with_its_order_on_a_smooth_nonlinear_flow() {
     assert_order(OntoCircle, &CIRCLE_STARTS, Stepper::Rk4, 2.0, 20);
     assert_order(OntoCircle, &CIRCLE_STARTS, Stepper::LinearlyImplicitEuler, 2.0, 100);
+    assert_order(OntoCircle, &CIRCLE_STARTS, Stepper::TwoStageW, 2.0, 40);
+}
+
+/// The same flow with a Jacobian that has little to do with it.
+#[derive(Clone, Copy)]
+struct Misjudged<P>(P);
+
+impl<const N: usize, P: Problem<N>> Problem<N> for Misjudged<P> {
+    fn rates(&self, y: &[f64; N]) -> [f64; N] {
+        self.0.rates(y)
+    }
+
+    fn jacobian(&self, y: &[f64; N]) -> [[f64; N]; N] {
+        // Decays that are not there, in proportion to the state.
+        std::array::from_fn(|i| std::array::from_fn(|j| if i == j { -1.0 - y[i] * y[i] } else { 0.3 }))
+    }
+
+    fn exact(&self, start: &[f64; N], t: f64) -> ([f64; N], Vec<f64>) {
+        self.0.exact(start, t)
+    }
 }
 
 #[test]
-fn linearly_implicit_euler_is_stable_and_accurate_where_the_explicit_one_explodes() {
+fn the_two_stage_w_method_keeps_its_order_whatever_the_jacobian() {
+    assert_order(Misjudged(OntoCircle), &CIRCLE_STARTS, Stepper::TwoStageW, 2.0, 80);
+}
+
+/// `z' = rate z` in the complex plane as two real variables after time.
+#[derive(Clone, Copy)]
+struct Linear {
+    decay: f64,
+    frequency: f64,
+}
+
+impl Problem<3> for Linear {
+    fn rates(&self, &[_, x, y]: &[f64; 3]) -> [f64; 3] {
+        [1.0, self.decay * x - self.frequency * y, self.frequency * x + self.decay * y]
+    }
+
+    fn jacobian(&self, _: &[f64; 3]) -> [[f64; 3]; 3] {
+        [[0.0; 3], [0.0, self.decay, -self.frequency], [0.0, self.frequency, self.decay]]
+    }
+
+    fn exact(&self, &[_, x, y]: &[f64; 3], t: f64) -> ([f64; 3], Vec<f64>) {
+        let (size, angle) = (x.hypot(y) * (self.decay * t).exp(), y.atan2(x) + self.frequency * t);
+        ([t, size * angle.cos(), size * angle.sin()], vec![])
+    }
+}
+
+#[test]
+fn the_implicit_steppers_let_no_linear_decay_grow_and_kill_stiff_ones_at_once() {
+    for stepper in [Stepper::LinearlyImplicitEuler, Stepper::TwoStageW] {
+        let growth = |decay: f64, frequency: f64| {
+            let ([[_, x, y]], _) = run(Linear { decay, frequency }, &[[0.0, 1.0, 0.0]], stepper, 1.0, 1);
+            x.hypot(y)
+        };
+        for exponent in -30..=50 {
+            let frequency = 10_f64.powf(0.1 * f64::from(exponent));
+            for slope in [0.0, 0.01, 0.1, 1.0, 10.0, 100.0] {
+                let size = growth(-slope * frequency, frequency);
+                assert!(size <= 1.0 + 1e-12, "{stepper:?}: {size} for -{slope} + i times {frequency}");
+            }
+        }
+        assert!(growth(-1e8, 0.0) < 1e-7, "{stepper:?}");
+    }
+}
+
+#[test]
+fn implicit_steppers_are_stable_and_accurate_where_the_explicit_one_explodes() {
     let problem = StiffToCosine { stiffness: 1e6 }; // times the step of 0.01: 1e4
     let off_the_solution = [[0.0, 3.0]];
-    let stiff = error(problem, &off_the_solution, Stepper::LinearlyImplicitEuler, 2.0, 200);
-    assert!(stiff < 1e-3, "{stiff}");
+    for stepper in [Stepper::LinearlyImplicitEuler, Stepper::TwoStageW] {
+        let stiff = error(problem, &off_the_solution, stepper, 2.0, 200);
+        assert!(stiff < 1e-3, "{stepper:?} {stiff}");
+    }
     let explicit = error(problem, &off_the_solution, Stepper::Rk4, 2.0, 200);
     assert!(!explicit.is_finite() || explicit > 1e6, "{explicit}");
 }
@@ -302,7 +369,7 @@ fn without_location_every_event_still_happens_within_a_step() {
 
 #[test]
 fn lanes_do_not_influence_each_other() {
-    for stepper in [Stepper::Rk4, Stepper::LinearlyImplicitEuler] {
+    for stepper in [Stepper::Rk4, Stepper::LinearlyImplicitEuler, Stepper::TwoStageW] {
         let (together, events) = run(Bouncer, &BOUNCER_STARTS, stepper, 7.0, 300);
         for lane in 0..BOUNCER_STARTS.len() {
             let ([alone], [alone_events]) = run(Bouncer, &[BOUNCER_STARTS[lane]], stepper, 7.0, 300);

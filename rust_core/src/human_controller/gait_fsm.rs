@@ -295,16 +295,8 @@ impl Memory {
             thigh_2,
             thigh_3,
             thigh_4,
-            last_knot,
-            extension_end: reference::EXTENSION_END * stance,
-            swing_start: reference::SWING_START * stance + variation.swing_start_change,
             swing_flexion: if steps { variation.swing_flexion_deg.to_radians() } else { 0.0 },
             trunk: if standing { 0.0 } else { params.trunk_lean_deg.to_radians() },
-            filter_delay: if standing {
-                params.standing_filter_delay_s
-            } else {
-                params.filter_delay_share * self.cycle
-            },
             hip_stiffness: if standing { params.standing_hip_stiffness_nm_rad } else { params.hip_stiffness_nm_rad },
             hip_damping: params.hip_damping_nms_rad,
             hip_limit: human.mass * if standing { params.standing_hip_limit_nm_kg } else { params.hip_limit_nm_kg },
@@ -321,6 +313,16 @@ impl Memory {
             slip_foot_y: self.slip_foot_y,
             ..Drive::default()
         };
+        drive.set_knots(
+            reference::EXTENSION_END * stance,
+            reference::SWING_START * stance + variation.swing_start_change,
+            last_knot,
+        );
+        drive.set_filter_delay(if standing {
+            params.standing_filter_delay_s
+        } else {
+            params.filter_delay_share * self.cycle
+        });
         match self.intact {
             IntactState::Both => {
                 drive.support = 0.5 * human.mass * GRAVITY;

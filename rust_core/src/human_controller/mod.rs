@@ -168,8 +168,12 @@ lanes! {
         thigh_3: f64,
         /// At the last knot.
         thigh_4: f64,
-        /// Phase of the last knot.
-        last_knot: f64,
+        /// 1 / length of the template's way to its extension, in phase.
+        extension_pace: f64,
+        /// 1 / length of its hold there.
+        hold_pace: f64,
+        /// 1 / length of its last ramp.
+        last_pace: f64,
         /// Phase at which the extension ends.
         extension_end: f64,
         /// Phase at which the thigh swings forward.
@@ -178,8 +182,10 @@ lanes! {
         swing_flexion: f64,
         /// Rough trunk angle, rad.
         trunk: f64,
-        /// Filter delay t_d, s.
-        filter_delay: f64,
+        /// Stiffness 2 / t_d^2 of the reference filter, 1/s^2.
+        filter_stiffness: f64,
+        /// Its damping 2 / t_d, 1/s.
+        filter_damping: f64,
         /// Hip stiffness, N m/rad.
         hip_stiffness: f64,
         /// Hip damping, N m s/rad.

@@ -32,23 +32,54 @@ const RETURN: [f64; 2] = [0.7, 0.85];
 #[inline(always)]
 pub fn rough_thigh(drive: &Drive, time: f64) -> f64 {
     let phase = (time - drive.step_start) * drive.inverse_cycle;
-    let ramp = |from: f64, to: f64| clamp((phase - from) / (to - from), 0.0, 1.0);
-    let swings = drive.swing_start + SWING_RAMP;
-    let swing = ramp(drive.swing_start, swings);
+    let ramp = |from: f64, pace: f64| clamp((phase - from) * pace, 0.0, 1.0);
+    let swing = ramp(drive.swing_start, 1.0 / SWING_RAMP);
     drive.thigh_0
-        + (drive.thigh_1 - drive.thigh_0) * ramp(0.0, drive.extension_end)
-        + (drive.thigh_2 - drive.thigh_1) * ramp(drive.extension_end, drive.swing_start)
+        + (drive.thigh_1 - drive.thigh_0) * ramp(0.0, drive.extension_pace)
+        + (drive.thigh_2 - drive.thigh_1) * ramp(drive.extension_end, drive.hold_pace)
         + (drive.thigh_3 - drive.thigh_2) * swing
-        + (drive.thigh_4 - drive.thigh_3) * ramp(swings, drive.last_knot)
-        + drive.swing_flexion * (swing - ramp(RETURN[0], RETURN[1]))
+        + (drive.thigh_4 - drive.thigh_3) * ramp(drive.swing_start + SWING_RAMP, drive.last_pace)
+        + drive.swing_flexion * (swing - ramp(RETURN[0], 1.0 / (RETURN[1] - RETURN[0])))
 }
 
-/// Acceleration of a filtered reference (equation 1 with zeta = 1/sqrt 2), mean over an implicit step.
-#[inline(always)]
-pub fn filter_acceleration(rough: f64, smooth: f64, rate: f64, delay: f64, step: f64) -> f64 {
-    let stiffness = 2.0 / (delay * delay);
-    let damping = 2.0 / delay;
-    (stiffness * (rough - smooth - step * rate) - damping * rate) / (1.0 + step * (damping + step * stiffness))
+impl Drive {
+    /// Sets the phases of the template's knots: extended, swinging forward, last.
+    pub(super) fn set_knots(&mut self, extension_end: f64, swing_start: f64, last_knot: f64) {
+        self.extension_end = extension_end;
+        self.swing_start = swing_start;
+        self.extension_pace = 1.0 / extension_end;
+        self.hold_pace = 1.0 / (swing_start - extension_end);
+        self.last_pace = 1.0 / (last_knot - (swing_start + SWING_RAMP));
+    }
+
+    /// Sets the filter's delay t_d (s).
+    pub(super) fn set_filter_delay(&mut self, delay: f64) {
+        (self.filter_stiffness, self.filter_damping) = (2.0 / (delay * delay), 2.0 / delay);
+    }
+}
+
+/// The filter of equation 1 with zeta = 1/sqrt 2 over an implicit step.
+#[derive(Clone, Copy, Debug)]
+pub struct Filter {
+    stiffness: f64,
+    damping: f64,
+    step: f64,
+    inverse: f64,
+}
+
+impl Filter {
+    /// The present filter of a walker.
+    #[inline(always)]
+    pub fn new(drive: &Drive, step: f64) -> Self {
+        let (stiffness, damping) = (drive.filter_stiffness, drive.filter_damping);
+        Self { stiffness, damping, step, inverse: 1.0 / (1.0 + step * (damping + step * stiffness)) }
+    }
+
+    /// Acceleration of a filtered reference, mean over the step.
+    #[inline(always)]
+    pub fn acceleration(&self, rough: f64, smooth: f64, rate: f64) -> f64 {
+        (self.stiffness * (rough - smooth - self.step * rate) - self.damping * rate) * self.inverse
+    }
 }
 
 #[cfg(test)]

@@ -23,7 +23,8 @@ lanes! {
 pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f64, time: f64) -> TrunkForce {
     let (dx, dy) = (x - drive.slip_foot_x, y - drive.slip_foot_y);
     let length = (dx * dx + dy * dy).sqrt();
-    let (sine, cosine) = (dx / length, dy / length);
+    let inverse = 1.0 / length;
+    let (sine, cosine) = (dx * inverse, dy * inverse);
     let length_rate = sine * vx + cosine * vy;
     let pendulum = drive.slip_stiffness * (human.leg_length - length) - drive.slip_damping * length_rate;
 

@@ -133,6 +133,12 @@ impl<const L: usize> HumanProsthesis<L> {
         }
     }
 
+    /// Whether any knee or hip touches the ground, or has left it deformed.
+    #[inline(always)]
+    pub(super) fn falls(&self, state: &State<L>) -> bool {
+        self.fall_contact || !(0..L).all(|lane| (state.rest.knee[lane] == 0.0) & (state.rest.hip[lane] == 0.0))
+    }
+
     /// Forces of the ground on the walker, in the order of the contact points.
     #[inline(always)]
     pub(super) fn ground_forces<const LEVEL: bool>(&self, lane: usize) -> [PointForce; CONTACT_POINTS] {
@@ -142,7 +148,8 @@ impl<const L: usize> HumanProsthesis<L> {
         })
     }
 
-    /// Rates of the ground's deformations for a walker whose motion has the given rates.
+    /// Rates of the ground's deformations for a walker whose motion has the given rates; without `falls`, knee and hip have
+    /// left the ground undeformed.
     #[inline(always)]
     pub(super) fn deformation_rates<const LEVEL: bool>(
         &self,
@@ -150,6 +157,7 @@ impl<const L: usize> HumanProsthesis<L> {
         lane: usize,
         rates: &Motion,
         step: f64,
+        falls: bool,
     ) -> Rest {
         let ground = self.ground.get(lane);
         let kin = self.kinematics.get(lane);
@@ -171,12 +179,20 @@ impl<const L: usize> HumanProsthesis<L> {
             };
             compliant_ground::deformation_rate(&ground, &self.contacts[point].get(lane), deformation, along, step)
         };
+        let (knee, hip) = if falls {
+            (
+                follow(KNEE, deformation.knee, walker::knee_point(end, &kin)),
+                follow(HIP, deformation.hip, hip_point(end)),
+            )
+        } else {
+            (0.0, 0.0)
+        };
         Rest {
             time: 1.0,
             heel: follow(HEEL, deformation.heel, walker::foot_point(end, &kin, kin.heel_x, kin.heel_y)),
             ball: follow(BALL, deformation.ball, walker::foot_point(end, &kin, kin.ball_x, kin.ball_y)),
-            knee: follow(KNEE, deformation.knee, walker::knee_point(end, &kin)),
-            hip: follow(HIP, deformation.hip, hip_point(end)),
+            knee,
+            hip,
         }
     }
 }

@@ -235,11 +235,28 @@ impl<const L: usize> HumanProsthesis<L> {
             self.acceleration.set(lane, acceleration);
             self.flexion_acceleration[lane] = acceleration.thigh - acceleration.shank;
         }
+        let falls = self.falls(state);
         for lane in 0..L {
             let step = implicit_step[lane];
             let motion_rates = self.acceleration.get(lane).rates(&state.motion.get(lane), step);
             rates.motion.set(lane, motion_rates);
-            rates.rest.set(lane, self.deformation_rates::<LEVEL>(state, lane, &motion_rates, step));
+            rates.rest.set(lane, self.deformation_rates::<LEVEL>(state, lane, &motion_rates, step, falls));
+        }
+    }
+
+    /// Torques of knee and ankle; `FLEXED` if any knee may touch its flexion stop.
+    #[inline(always)]
+    fn load_device<const FLEXED: bool>(&mut self) {
+        for lane in 0..L {
+            let torque = device_torque::<FLEXED>(
+                &self.unit_torque.get(lane),
+                &self.joint.get(lane),
+                &self.end_stop.get(lane),
+                &self.ankle.get(lane),
+                &self.joints.get(lane),
+            );
+            self.device.set(lane, torque);
+            self.extension_stop_peak[lane] = crate::math::max(torque.extension_stop, self.extension_stop_peak[lane]);
         }
     }
 
@@ -266,6 +283,14 @@ impl<const L: usize> HumanProsthesis<L> {
         self.refresh_drive(lane);
         // The pendulum force follows from the new drive; kinematics and contacts stay as sensed.
         self.sense_trunk_force(state, lane);
+    }
+
+    /// Senses the force of the intact leg: all that changes of a sensed state when only its time does.
+    #[inline(always)]
+    pub fn sense_trunk_forces(&mut self, state: &State<L>) {
+        for lane in 0..L {
+            self.sense_trunk_force(state, lane);
+        }
     }
 
     #[inline(always)]
@@ -309,9 +334,7 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
         } else {
             self.sense_walker::<false>(state);
         }
-        for lane in 0..L {
-            self.sense_trunk_force(state, lane);
-        }
+        self.sense_trunk_forces(state);
         self.sense_command(state);
     }
 
@@ -323,11 +346,9 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
             let smooth = state.reference.get(lane);
             let step = implicit_step[lane];
             let thigh = reference::rough_thigh(&drive, state.rest.time[lane]);
-            let filter = |rough: f64, value: f64, rate: f64| {
-                reference::filter_acceleration(rough, value, rate, drive.filter_delay, step)
-            };
-            let trunk_acceleration = filter(drive.trunk, smooth.trunk, smooth.trunk_rate);
-            let hip_acceleration = filter(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
+            let filter = reference::Filter::new(&drive, step);
+            let trunk_acceleration = filter.acceleration(drive.trunk, smooth.trunk, smooth.trunk_rate);
+            let hip_acceleration = filter.acceleration(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
             self.prescribed.set(
                 lane,
                 Prescribed { angle: smooth.trunk, rate: smooth.trunk_rate, acceleration: trunk_acceleration },
@@ -345,16 +366,11 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
         }
         // Prosthesis device.
         self.unit.torques(&self.joint, &state.rotor, &self.command, implicit_step, &mut self.unit_torque);
-        for lane in 0..L {
-            let torque = device_torque(
-                &self.unit_torque.get(lane),
-                &self.joint.get(lane),
-                &self.end_stop.get(lane),
-                &self.ankle.get(lane),
-                &self.joints.get(lane),
-            );
-            self.device.set(lane, torque);
-            self.extension_stop_peak[lane] = crate::math::max(torque.extension_stop, self.extension_stop_peak[lane]);
+        // A knee that is nowhere near its flexion stop needs no torque of it.
+        if (0..L).all(|lane| self.joint.flexion[lane] < self.end_stop.flexion[lane]) {
+            self.load_device::<false>();
+        } else {
+            self.load_device::<true>();
         }
         if let Some(mut general) = self.general.take() {
             self.move_general(&mut general, state, implicit_step, rates);

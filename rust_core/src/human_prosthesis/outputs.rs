@@ -165,7 +165,7 @@ impl<const L: usize> HumanProsthesis<L> {
             &self.kinematics.get(lane),
             &state.motion.get(lane),
             &self.prescribed.get(lane),
-            &self.loads::<false>(lane),
+            &if self.level { self.loads::<true>(lane) } else { self.loads::<false>(lane) },
             &self.acceleration.get(lane),
         )
     }

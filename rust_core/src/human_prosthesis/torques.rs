@@ -4,7 +4,7 @@ use crate::human_controller::Drive;
 use crate::human_controller::impedance::{ImpedanceTorque, impedance};
 use crate::human_controller::reference::Reference;
 use crate::lanes::lanes;
-use crate::prosthesis_device::end_stop::{EndStop, extension_stop, flexion_stop};
+use crate::prosthesis_device::end_stop::{EndStop, Stop, extension_stop, flexion_stop};
 use crate::prosthesis_device::passive_ankle::{Ankle, ankle_torque};
 use crate::prosthesis_device::{JointMotion, UnitTorque};
 
@@ -59,9 +59,9 @@ pub(super) fn trunk_torque(drive: &Drive, angle: f64, rate: f64, smooth: &Refere
     impedance(drive.trunk_stiffness, drive.trunk_damping, drive.trunk_limit, error, error_rate)
 }
 
-/// Knee torque of unit and end stops, and ankle torque (section 5.2.1).
+/// Knee torque of unit and end stops, and ankle torque (section 5.2.1); without `FLEXED` the flexion stop is out of reach.
 #[inline(always)]
-pub(super) fn device_torque(
+pub(super) fn device_torque<const FLEXED: bool>(
     unit: &UnitTorque,
     joint: &JointMotion,
     stop: &EndStop,
@@ -69,7 +69,7 @@ pub(super) fn device_torque(
     joints: &EndJoints,
 ) -> DeviceTorque {
     let extension = extension_stop(stop, joint.flexion, joint.flexion_rate);
-    let flexion = flexion_stop(stop, joint.flexion, joint.flexion_rate);
+    let flexion = if FLEXED { flexion_stop(stop, joint.flexion, joint.flexion_rate) } else { Stop::NONE };
     DeviceTorque {
         knee_angle: joint.flexion,
         unit: unit.torque,

@@ -59,6 +59,11 @@ pub struct Stop {
     pub stiffness: f64,
 }
 
+impl Stop {
+    /// No contact.
+    pub const NONE: Self = Self { torque: 0.0, damping: 0.0, stiffness: 0.0 };
+}
+
 /// The extension ratio is kept above this: the law diverges at 0.
 const SMALLEST_RATIO: f64 = 0.05;
 
