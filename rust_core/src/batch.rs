@@ -1,5 +1,7 @@
 //! N environments as blocks of lanes, stepped on the caller's thread or over a pool of threads.
 
+use std::sync::{Mutex, PoisonError};
+
 use rayon::prelude::*;
 
 use crate::config::Config;
@@ -9,6 +11,7 @@ use crate::params::within;
 use crate::recorder::Recorder;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
+use crate::simulation::Scratch;
 
 /// Walkers per wide block: one AVX-512 register of `f64`.
 pub const LANES: usize = 8;
@@ -22,7 +25,7 @@ const BLOCKS_PER_TASK: usize = 4;
 /// A block of environments of some width; `lane` and the slices' lengths cover its used lanes.
 trait Block: Send + Sync + std::fmt::Debug {
     fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>);
-    fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>);
+    fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches);
     fn observations(&self) -> &[f32];
     fn ended(&self, lane: usize) -> bool;
     fn episode(&self, lane: usize) -> Option<&Episode>;
@@ -30,15 +33,23 @@ trait Block: Send + Sync + std::fmt::Debug {
     fn recording(&self) -> Option<&Recorder>;
 }
 
+/// What a thread needs for a step, made when it is first needed. Boxed: Python aligns the batch to 16 bytes, columns need 64.
+#[derive(Debug, Default)]
+struct Scratches {
+    narrow: Option<Box<Scratch<1>>>,
+    wide: Option<Box<Scratch<LANES>>>,
+}
+
 macro_rules! block {
-    ($width:expr, $step:expr) => {
+    ($width:expr, $step:expr, $scratch:ident) => {
         impl Block for Environments<$width> {
             fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>) {
                 let lanes = std::array::from_fn(|lane| mask.get(lane).is_some_and(|&selected| selected));
                 self.reset(setup, &lanes, |lane| seeds.map(|seeds| seeds[lane]));
             }
-            fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>) {
-                $step(self, setup, actions, output);
+            fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches) {
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(self.scratch()));
+                $step(self, setup, actions, output, scratch);
             }
             fn observations(&self) -> &[f32] {
                 self.observations()
@@ -58,16 +69,22 @@ macro_rules! block {
         }
     };
 }
-block!(1, Environments::<1>::step);
-block!(LANES, step_wide);
+block!(1, Environments::<1>::step, narrow);
+block!(LANES, step_wide, wide);
 
 /// One step of a wide block, compiled for each vector unit and chosen at run time.
 #[multiversion::multiversion(targets(
     "x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx512cd+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-fn step_wide(block: &mut Environments<LANES>, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>) {
-    block.step(setup, actions, output);
+fn step_wide(
+    block: &mut Environments<LANES>,
+    setup: &Setup,
+    actions: &[f64],
+    output: &mut StepOutput<'_>,
+    scratch: &mut Scratch<LANES>,
+) {
+    block.step(setup, actions, output, scratch);
 }
 
 /// N environments.
@@ -79,7 +96,17 @@ pub struct Batch {
     width: usize,
     num_envs: usize,
     threads: usize,
-    pool: Option<(u32, rayon::ThreadPool)>,
+    pool: Option<Pool>,
+    /// For steps on the caller's thread.
+    scratches: Scratches,
+}
+
+/// Threads, their scratches, and the process that they live in.
+#[derive(Debug)]
+struct Pool {
+    process: u32,
+    threads: rayon::ThreadPool,
+    scratches: Vec<Mutex<Scratches>>,
 }
 
 impl Batch {
@@ -98,7 +125,7 @@ impl Batch {
                 }
             })
             .collect();
-        Ok(Self { setup, blocks, width, num_envs, threads, pool: None })
+        Ok(Self { setup, blocks, width, num_envs, threads, pool: None, scratches: Scratches::default() })
     }
 
     /// Number of environments.
@@ -149,13 +176,18 @@ impl Batch {
         let setup = &self.setup;
         let work = self.blocks.iter_mut().zip(split(actions, output, self.width, setup));
         if self.threads == 1 || work.len() < PARALLEL_FROM {
-            work.for_each(|(block, (actions, mut output))| block.step(setup, actions, &mut output));
+            let scratches = &mut self.scratches;
+            work.for_each(|(block, (actions, mut output))| block.step(setup, actions, &mut output, scratches));
         } else {
             let work: Vec<_> = work.collect();
-            pool(&mut self.pool, self.threads)?.install(|| {
-                work.into_par_iter()
-                    .with_min_len(BLOCKS_PER_TASK)
-                    .for_each(|(block, (actions, mut output))| block.step(setup, actions, &mut output));
+            let (pool, scratches) = pool(&mut self.pool, self.threads)?;
+            pool.install(|| {
+                work.into_par_iter().with_min_len(BLOCKS_PER_TASK).for_each(|(block, (actions, mut output))| {
+                    // Each thread has its own, so nobody ever waits; a poisoned one holds nothing that matters.
+                    let mine = &scratches[rayon::current_thread_index().unwrap_or(0)];
+                    let mut mine = mine.lock().unwrap_or_else(PoisonError::into_inner);
+                    block.step(setup, actions, &mut output, &mut mine);
+                });
             });
         }
         Ok(())
@@ -187,17 +219,18 @@ impl Batch {
 }
 
 /// The pool of this process: a pool does not survive a fork, so a child builds its own.
-fn pool(slot: &mut Option<(u32, rayon::ThreadPool)>, threads: usize) -> Result<&rayon::ThreadPool> {
+fn pool(slot: &mut Option<Pool>, threads: usize) -> Result<(&rayon::ThreadPool, &[Mutex<Scratches>])> {
     let process = std::process::id();
-    if slot.as_ref().is_none_or(|(owner, _)| *owner != process) {
-        let pool = rayon::ThreadPoolBuilder::new()
+    if slot.as_ref().is_none_or(|pool| pool.process != process) {
+        let threads = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .map_err(|error| Error::Invalid(format!("cannot start {threads} threads: {error}")))?;
+        let scratches = (0..threads.current_num_threads()).map(|_| Mutex::default()).collect();
         // The parent's pool has no threads here; dropping it would wait for them.
-        std::mem::forget(slot.replace((process, pool)));
+        std::mem::forget(slot.replace(Pool { process, threads, scratches }));
     }
-    slot.as_ref().map(|(_, pool)| pool).ok_or_else(|| Error::Invalid("no thread pool".into()))
+    slot.as_ref().map(|pool| (&pool.threads, &*pool.scratches)).ok_or_else(|| Error::Invalid("no thread pool".into()))
 }
 
 /// Cuts actions and outputs into one part per block of `lanes` environments.

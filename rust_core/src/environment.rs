@@ -13,7 +13,7 @@ use crate::recorder::Recorder;
 use crate::reward::{self, Outcome, TERMS};
 use crate::scenario::Episode;
 use crate::signals::GRAVITY;
-use crate::simulation::Simulation;
+use crate::simulation::{Scratch, Simulation};
 use crate::termination::{Posture, Reason};
 
 /// What happens to an environment after its episode has ended (Gymnasium's `AutoresetMode`).
@@ -130,6 +130,11 @@ impl<const L: usize> Environments<L> {
         }
     }
 
+    /// Storage for steps of environments like these.
+    pub fn scratch(&self) -> Scratch<L> {
+        Scratch::new(&self.simulation)
+    }
+
     /// Newest observations, (L, observation size).
     pub fn observations(&self) -> &[f32] {
         &self.observations
@@ -205,7 +210,7 @@ impl<const L: usize> Environments<L> {
 
     /// Advances every lane by one action of `action.hold` control periods; `actions` and `output` cover the used lanes.
     #[inline(always)]
-    pub fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>) {
+    pub fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratch: &mut Scratch<L>) {
         let used = actions.len();
         let skipped: [bool; L] = std::array::from_fn(|lane| self.envs[lane].ended);
         let mut reasons = [Reason::None; L];
@@ -219,7 +224,7 @@ impl<const L: usize> Environments<L> {
                 let fsm = self.simulation.state_machine_command[lane];
                 commands[lane] = setup.action.command(actions[lane], fsm);
             }
-            self.simulation.advance(&commands);
+            self.simulation.advance_with(&commands, scratch);
             for lane in 0..used {
                 if !running(&reasons, lane) {
                     continue;

@@ -56,12 +56,12 @@ impl Stepper {
 
     /// Bisections that locate an event in a step; without any, events wait for the step's end.
     ///
-    /// 30 narrow a step of 0.1 ms down to 1e-13 s; for the fast stepper a sixteenth of a step is less than its own error.
+    /// 30 narrow a step of 0.1 ms down to 1e-13 s; for the fast stepper an eighth of a step is less than its own error.
     pub const fn bisections(self) -> usize {
         match self {
             Self::Rk4 => 30,
             Self::LinearlyImplicitEuler => 0,
-            Self::TwoStageW => 4,
+            Self::TwoStageW => 3,
         }
     }
 }

@@ -38,8 +38,20 @@ pub struct Simulation<const L: usize> {
     episode: [Option<Episode>; L],
     reference: ReferenceParams,
     solver: SolverParams,
+}
+
+/// Storage that one control period needs and leaves nothing in: threads share it among their blocks, which keeps those small.
+#[derive(Clone, Debug)]
+pub struct Scratch<const L: usize> {
     work: Workspace<State<L>>,
-    scratch: State<L>,
+    rates: State<L>,
+}
+
+impl<const L: usize> Scratch<L> {
+    /// Storage for simulations like this one.
+    pub fn new(simulation: &Simulation<L>) -> Self {
+        Self { work: Workspace::new(&simulation.state), rates: simulation.state.clone() }
+    }
 }
 
 impl<const L: usize> Simulation<L> {
@@ -59,8 +71,6 @@ impl<const L: usize> Simulation<L> {
             episode: std::array::from_fn(|_| None),
             reference,
             solver: config.solver,
-            work: Workspace::new(&state),
-            scratch: state.clone(),
             state,
         }
     }
@@ -81,7 +91,7 @@ impl<const L: usize> Simulation<L> {
         self.set_intent();
         self.disturb();
         self.plant.sense(&self.state);
-        self.evaluate();
+        self.plant.rates(&self.state, &[0.0; L], &mut self.state.clone());
         for lane in (0..L).filter(|&lane| started[lane]) {
             self.truth.set(lane, self.measure(lane));
         }
@@ -97,19 +107,24 @@ impl<const L: usize> Simulation<L> {
     }
 
     /// One control period with the given commands to the knee units.
-    #[inline(always)]
     pub fn advance(&mut self, commands: &[f64; L]) {
+        self.advance_with(commands, &mut Scratch::new(self));
+    }
+
+    /// The same with storage that the caller keeps.
+    #[inline(always)]
+    pub fn advance_with(&mut self, commands: &[f64; L], scratch: &mut Scratch<L>) {
         self.begin_period(commands);
-        let Self { plant, state, work, solver, .. } = self;
-        integrator::advance(plant, state, work, solver.stepper, CONTROL_PERIOD_S, solver.steps);
-        self.finish_period();
+        let Self { plant, state, solver, .. } = self;
+        integrator::advance(plant, state, &mut scratch.work, solver.stepper, CONTROL_PERIOD_S, solver.steps);
+        self.finish_period(&mut scratch.rates);
     }
 
     /// Like [`advance`](Self::advance), and integrates the work of all forces beside the state.
     pub fn advance_metered(&mut self, commands: &[f64; L], meter: &mut EnergyMeter<L>) {
         self.begin_period(commands);
         meter.advance(&mut self.plant, &mut self.state, &self.solver);
-        self.finish_period();
+        self.finish_period(&mut self.state.clone());
     }
 
     #[inline(always)]
@@ -152,14 +167,14 @@ impl<const L: usize> Simulation<L> {
     }
 
     #[inline(always)]
-    fn finish_period(&mut self) {
+    fn finish_period(&mut self, rates: &mut State<L>) {
         for lane in 0..L {
             // The sum of many small steps drifts; the grid does not.
             self.sample[lane] += 1;
             self.state.rest.time[lane] = self.sample[lane] as f64 * CONTROL_PERIOD_S;
         }
         self.plant.sense_trunk_forces(&self.state);
-        self.evaluate();
+        self.plant.rates(&self.state, &[0.0; L], rates);
         for lane in 0..L {
             self.truth.set(lane, self.measure(lane));
         }
@@ -167,12 +182,6 @@ impl<const L: usize> Simulation<L> {
         for lane in 0..L {
             self.control(lane);
         }
-    }
-
-    /// Evaluates forces and accelerations at the sensed state.
-    #[inline(always)]
-    fn evaluate(&mut self) {
-        self.plant.rates(&self.state, &[0.0; L], &mut self.scratch);
     }
 
     #[inline(always)]

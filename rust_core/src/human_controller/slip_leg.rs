@@ -2,7 +2,7 @@
 
 use crate::human_controller::{Drive, Human};
 use crate::lanes::lanes;
-use crate::math::{angle_of, clamp, select, sin_cos};
+use crate::math::{angle_of_half_tangent, clamp, select, sin_cos};
 
 lanes! {
     /// Force of the human's intact leg on the trunk.
@@ -28,7 +28,7 @@ pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f6
     let length_rate = sine * vx + cosine * vy;
     let pendulum = drive.slip_stiffness * (human.leg_length - length) - drive.slip_damping * length_rate;
 
-    let angle = angle_of(sine, cosine);
+    let angle = angle_of_half_tangent(dx / (length + dy));
     let (_, bump) = sin_cos(angle * human.lift_phase);
     let fade = clamp(2.0 - (time - drive.touch_down) * drive.fade_rate, 0.0, 1.0);
     let lift = select(angle.abs() < human.touch_down_angle, (drive.lift + drive.stop_lift * fade) * bump, 0.0);

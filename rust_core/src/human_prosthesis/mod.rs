@@ -165,7 +165,7 @@ impl<const L: usize> HumanProsthesis<L> {
     /// A state for walkers like these; [`start`](Self::start) sets it.
     pub fn state(&self) -> State<L> {
         let general = self.general.as_ref().map(|general| Box::new(general.state()));
-        State { general, ..State::default() }
+        State { general, turns: self.unit.has_rotor(), ..State::default() }
     }
 
     fn refresh_drive(&mut self, lane: usize) {

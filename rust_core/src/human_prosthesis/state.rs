@@ -16,8 +16,10 @@ pub struct State<const L: usize> {
     pub reference: ReferenceLanes<L>,
     /// Time and ground deformation.
     pub rest: RestLanes<L>,
-    /// Rotor of the knee unit; stays zero in a unit without one.
+    /// Rotor of the knee unit.
     pub rotor: RotorLanes<L>,
+    /// Whether the knee unit has one; without, `rotor` stays zero.
+    pub turns: bool,
     /// What only a general walker has.
     pub general: Option<Box<GeneralState<L>>>,
 }
@@ -68,7 +70,9 @@ impl<const L: usize> StateVector<L> for State<L> {
         self.motion.add_scaled(&base.motion, step, &rate.motion);
         self.reference.add_scaled(&base.reference, step, &rate.reference);
         self.rest.add_scaled(&base.rest, step, &rate.rest);
-        self.rotor.add_scaled(&base.rotor, step, &rate.rotor);
+        if self.turns {
+            self.rotor.add_scaled(&base.rotor, step, &rate.rotor);
+        }
         if let (Some(sum), Some(base), Some(rate)) = (&mut self.general, &base.general, &rate.general) {
             sum.add_scaled(base, step, rate);
         }

@@ -113,6 +113,11 @@ impl<const L: usize> KneeUnit<L> {
         }
     }
 
+    /// Whether the unit's rotor has a state of its own.
+    pub fn has_rotor(&self) -> bool {
+        matches!(self, Self::Motor(_))
+    }
+
     /// State of the unit's rotor at the start of a trial with the knee at rest at `flexion` (rad).
     pub fn start(&mut self, lane: usize, flexion: f64) -> Rotor {
         match self {
