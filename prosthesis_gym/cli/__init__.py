@@ -1,17 +1,18 @@
-"""Command line: `prosthesis-gym walk | bodies | bench | parameters`."""
+"""Command line: `prosthesis-gym walk | bodies | accuracy | bench | parameters`."""
 
 import argparse
 import os
 import sys
 from collections.abc import Sequence
 
-from prosthesis_gym.cli import bench, bodies, parameters, walk
+from prosthesis_gym.cli import accuracy, bench, bodies, parameters, walk
 
 _EXAMPLES = """\
 examples:
   prosthesis-gym walk
   prosthesis-gym walk --profile trial40 --plot trial40.png --out trial40.parquet
   prosthesis-gym bodies --out bodies.csv
+  prosthesis-gym accuracy --episodes 512
   prosthesis-gym bench --walkers 1 4096
   prosthesis-gym parameters knee
 """
@@ -26,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (walk, bodies, bench, parameters):
+    for command in (walk, bodies, accuracy, bench, parameters):
         command.add_parser(commands)
     arguments = parser.parse_args(argv)
     try:

@@ -39,7 +39,7 @@ pub struct SolverParams {
 
 impl Default for SolverParams {
     fn default() -> Self {
-        Self { stepper: Stepper::TwoStageW, steps: 6 }
+        Self { stepper: Stepper::TwoStageW, steps: 5 }
     }
 }
 

@@ -92,4 +92,8 @@ impl<const L: usize> HybridFlow<L> for Metered<'_, L> {
     fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]) {
         self.plant.transition(&mut state.state, fired);
     }
+
+    fn accept(&mut self, state: &Self::State) {
+        self.plant.accept(&state.state);
+    }
 }

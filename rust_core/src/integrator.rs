@@ -23,6 +23,9 @@ pub trait HybridFlow<const L: usize> {
 
     /// Carries out the event of every lane in `fired`.
     fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]);
+
+    /// Takes note of the sensed state that a step has ended with: unlike stages and trial steps it happens.
+    fn accept(&mut self, _state: &Self::State) {}
 }
 
 /// One-step method.
@@ -105,6 +108,7 @@ pub fn advance<const L: usize, F: HybridFlow<L>>(
             if fired.contains(&true) {
                 flow.transition(state, &fired);
             }
+            flow.accept(state);
         }
     }
 }
@@ -124,6 +128,7 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         flow.sense(state);
         let fired = flow.fired(state);
         if !fired.contains(&true) {
+            flow.accept(state);
             return;
         }
         // A lane without an event repeats its whole step, so that nothing it evaluates depends on its neighbours.
@@ -147,12 +152,14 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         flow.sense(state);
         flow.transition(state, &fired);
         flow.sense(state);
+        flow.accept(state);
         for lane in 0..L {
             remaining[lane] -= after[lane];
         }
     }
     step(flow, state, work, stepper, &remaining);
     flow.sense(state);
+    flow.accept(state);
 }
 
 /// One step of size `step` per lane from the sensed `state`.

@@ -33,7 +33,8 @@ use crate::hybrid_dynamics::walker::{
     self, AccelerationLanes, JointTorque, KinematicsLanes, Loads, Motion, Point, Prescribed, PrescribedLanes,
 };
 use crate::integrator::HybridFlow;
-use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes};
+use crate::math::max;
+use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes, extension_stop};
 use crate::prosthesis_device::passive_ankle::{Ankle, AnkleLanes};
 use crate::prosthesis_device::{JointMotion, JointMotionLanes, KneeUnit, UnitTorqueLanes};
 use crate::terrain::{Surface, SurfaceLanes, Terrain, TerrainLanes};
@@ -103,7 +104,7 @@ pub struct HumanProsthesis<const L: usize> {
     device: DeviceTorqueLanes<L>,
     acceleration: AccelerationLanes<L>,
     flexion_acceleration: [f64; L],
-    /// Largest extension-stop torque at any evaluation since it was last cleared, N m.
+    /// Largest extension-stop torque at the end of any step since it was last cleared, N m.
     pub extension_stop_peak: [f64; L],
 }
 
@@ -256,7 +257,6 @@ impl<const L: usize> HumanProsthesis<L> {
                 &self.joints.get(lane),
             );
             self.device.set(lane, torque);
-            self.extension_stop_peak[lane] = crate::math::max(torque.extension_stop, self.extension_stop_peak[lane]);
         }
     }
 
@@ -400,6 +400,15 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
                 let rotor = self.unit.transition(lane, &self.joint.get(lane), rotor, self.command[lane]);
                 state.rotor.set(lane, rotor);
             }
+        }
+    }
+
+    #[inline(always)]
+    fn accept(&mut self, _state: &State<L>) {
+        for lane in 0..L {
+            let joint = self.joint.get(lane);
+            let stop = extension_stop(&self.end_stop.get(lane), joint.flexion, joint.flexion_rate);
+            self.extension_stop_peak[lane] = max(stop.torque, self.extension_stop_peak[lane]);
         }
     }
 }
