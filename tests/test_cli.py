@@ -242,13 +242,15 @@ def test_bench_measures_every_size(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["bench", "--walkers", "1", "16", "--threads", "1", "--seconds", "0.05"]
     assert main([*arguments, "--json"]) == 0
     content = json.loads(capsys.readouterr().out)
-    assert set(content["machine"]) == {"cpu", "cores", "threads", "date"}
-    for result, walkers in zip(content["results"], (1, 16), strict=True):
-        assert result["walkers"] == walkers
-        assert result["simulated_s_per_s"] == pytest.approx(0.005 * result["steps_per_s"])
-        assert result["steps_per_s"] == pytest.approx(walkers * 1e6 / result["us_per_call"])
+    assert set(content["machine"]) == {"cpu", "cores", "date"}
+    assert 0.5 < content["kib_per_walker"] < 16.0
+    settings = [(device, walkers) for device in ("damper", "motor") for walkers in (1, 16)]
+    for result, (device, walkers) in zip(content["results"], settings, strict=True):
+        assert (result["device"], result["walkers"], result["threads"]) == (device, walkers, 1)
+        assert result["simulated_s_per_s"] == pytest.approx(0.005 * result["env_steps_per_s"])
+        assert result["env_steps_per_s"] == pytest.approx(walkers * 1e6 / result["us_per_call"])
     assert main(arguments) == 0
-    assert "env steps/s" in capsys.readouterr().out
+    assert "memory per walker" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("arguments", [["--seconds", "0"], ["--threads", "0"], ["--walkers", "0"]])
@@ -257,7 +259,7 @@ def test_bench_refuses_impossible_arguments(arguments: list[str], capsys: pytest
     assert capsys.readouterr().err.startswith("prosthesis-gym: error: ")
 
 
-@pytest.mark.parametrize("command", [[], ["walk"], ["bodies"], ["bench"], ["parameters"]])
+@pytest.mark.parametrize("command", [[], ["walk"], ["bodies"], ["accuracy"], ["bench"], ["parameters"]])
 def test_help_ends_with_examples(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         main([*command, "--help"])

@@ -1,10 +1,13 @@
 """`prosthesis-gym bench`: how fast the vector environment steps on this machine."""
 
 import argparse
+import contextlib
+import itertools
 import json
 import os
 import platform
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
@@ -12,39 +15,59 @@ from pathlib import Path
 import numpy as np
 from rich import box
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
+from prosthesis_gym import _core, peers
 from prosthesis_gym.cli.parsers import Commands, new_parser
+from prosthesis_gym.config import resolve
 from prosthesis_gym.vector_env import CONTROL_PERIOD_S, ProsthesisVectorEnv
 
 _EXAMPLES = """\
 examples:
   prosthesis-gym bench
-  prosthesis-gym bench --walkers 1024 --threads 1 --seconds 10
+  prosthesis-gym bench --walkers 1024 --devices damper --threads 1 2 --seconds 10
+  prosthesis-gym bench --peers
   prosthesis-gym bench --json > bench.json
 """
 #: Action arrays that are drawn before the clock runs and then used in turn.
-_DRAWS = 64
+_DRAWS = 16
+_MODES = {"agent": "direct", "state machine": "state_machine"}
+#: Walkers that share blocks.
+_MANY = 64
+#: A walker in a block of lanes must be at least this many times as fast as one by itself, on one thread. Measured: 8.8;
+#: when the largest loop was no vector code, a block took 2.6 times as long.
+GUARD_RATIO = 5.0
 
 
 @dataclass(frozen=True)
 class Result:
-    """Throughput at one batch size, through Python."""
+    """Throughput of one setting, through Python."""
 
+    device: str
+    mode: str
     walkers: int
-    steps_per_s: float
+    threads: int
+    env_steps_per_s: float
     simulated_s_per_s: float
     us_per_call: float
+    #: Wall time x threads per walker and evaluation of the dynamics, everything included.
+    ns_per_evaluation: float
 
 
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = new_parser(commands, "bench", "measure the speed of the vector environment with random actions", _EXAMPLES)
-    sizes = [1, 64, 1024, 4096]
-    parser.add_argument("--walkers", type=int, nargs="+", default=sizes, metavar="N", help=f"default: {sizes}")
-    parser.add_argument("--threads", type=int, metavar="N", help="worker threads (default: one per core)")
-    parser.add_argument("--seconds", type=float, default=3.0, metavar="S", help="time per batch size (default: 3)")
-    parser.add_argument("--json", action="store_true", help="as JSON")
+    sizes = [1, 64, 256, 1024, 4096, 16384, 65536]
+    add = parser.add_argument
+    add("--walkers", type=int, nargs="+", default=sizes, metavar="N", help=f"default: {sizes}")
+    add("--devices", nargs="+", default=["damper", "motor"], metavar="KNEE", help="default: damper motor")
+    add("--modes", nargs="+", choices=list(_MODES), default=["agent"], metavar="MODE", help=f"of {list(_MODES)}")
+    add("--threads", type=int, nargs="+", metavar="N", help="worker threads (default: one per core)")
+    add("--seconds", type=float, default=2.0, metavar="S", help="time per setting (default: 2)")
+    add("--peers", action="store_true", help="also MuJoCo, Gymnasium's and EnvPool's Walker2d, as far as installed")
+    add("--guard", action="store_true", help="only check that blocks of walkers run as vector code; exit code 1 if not")
+    add("--json", action="store_true", help="as JSON")
     parser.set_defaults(run=run)
 
 
@@ -52,36 +75,36 @@ def run(arguments: argparse.Namespace) -> None:
     """Measure and print."""
     if not 0.0 < arguments.seconds <= 3600.0:
         raise ValueError(f"--seconds = {arguments.seconds} must lie in (0, 3600]")
-    if arguments.threads is not None and arguments.threads < 1:
-        raise ValueError(f"--threads = {arguments.threads} must be 1 or more")
-    machine = {
-        "cpu": cpu_model(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
-        "threads": arguments.threads or "one per core",
-        "date": date.today().isoformat(),
-    }
-    if not arguments.json:
-        print("{cpu}, {cores} cores, threads: {threads}, {date}".format(**machine))
-    results = [measure(walkers, arguments.threads, arguments.seconds) for walkers in arguments.walkers]
-    if arguments.json:
-        print(json.dumps({"machine": machine, "results": [asdict(result) for result in results]}, indent=2))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = arguments.threads or [cores]
+    if min(threads) < 1:
+        raise ValueError(f"--threads = {min(threads)} must be 1 or more")
+    if arguments.guard:
+        guard()
         return
-    table = Table("walkers", "env steps/s", "simulated s/s", "µs per call", box=box.SIMPLE_HEAD)
-    for column in table.columns:
-        column.justify = "right"
-    for result in results:
-        table.add_row(
-            f"{result.walkers:,}",
-            f"{result.steps_per_s:,.0f}",
-            f"{result.simulated_s_per_s:,.0f}",
-            f"{result.us_per_call:,.1f}",
-        )
-    Console().print(table)
+    machine = {"cpu": cpu_model(), "cores": cores, "date": date.today().isoformat()}
+    console = Console()
+    if not arguments.json:
+        console.print("{cpu}, {cores} cores, {date}".format(**machine))
+    settings = list(itertools.product(arguments.devices, arguments.modes, threads, arguments.walkers))
+    shown = track(settings, "measuring", console=Console(stderr=True), transient=True)
+    results = [measure(*setting, seconds=arguments.seconds) for setting in shown]
+    memory = memory_per_walker_kib()
+    peers = measure_peers(arguments.seconds, max(threads)) if arguments.peers else {}
+    if arguments.json:
+        entries = [asdict(result) for result in results]
+        print(json.dumps({"machine": machine, "results": entries, "kib_per_walker": memory, "peers": peers}, indent=2))
+        return
+    console.print(_table(results))
+    console.print(f"memory per walker: {memory:.1f} KiB")
+    if peers:
+        console.print(_peer_table(peers, max(result.env_steps_per_s for result in results)))
 
 
-def measure(walkers: int, threads: int | None, seconds: float) -> Result:
+def measure(device: str, mode: str, threads: int, walkers: int, *, seconds: float) -> Result:
     """Step `walkers` walkers with random actions for about `seconds`."""
-    env = ProsthesisVectorEnv(walkers, threads=threads)
+    config = {"device": {"kind": device}, "action": {"mode": _MODES[mode]}}
+    env = ProsthesisVectorEnv(walkers, config=config, threads=threads)
     env.reset(seed=0)
     random = np.random.default_rng(0)
     actions = random.uniform(-1.0, 1.0, (_DRAWS, walkers, 1)).astype(np.float32)
@@ -93,9 +116,71 @@ def measure(walkers: int, threads: int | None, seconds: float) -> Result:
             env.step(action)
         calls += _DRAWS
     env.close()
-    steps_per_s = calls * walkers / elapsed
-    hold = env.config["action"]["hold"]
-    return Result(walkers, steps_per_s, steps_per_s * hold * CONTROL_PERIOD_S, 1e6 * elapsed / calls)
+    rate = calls * walkers / elapsed
+    solver = env.config["solver"]
+    stages = {"two_stage_w": 2, "rk4": 4}.get(solver["stepper"], 1)
+    per_evaluation = 1e9 * threads / (rate * (solver["steps"] * stages + 1))
+    return Result(device, mode, walkers, threads, rate, rate * CONTROL_PERIOD_S, 1e6 * elapsed / calls, per_evaluation)
+
+
+def memory_per_walker_kib() -> float:
+    """Memory of a walker in its block."""
+    return float(_core.Batch(_MANY, resolve({}), autoreset="next_step").bytes_per_walker) / 1024.0
+
+
+def guard() -> None:
+    """Raise unless a walker in a block of lanes costs much less than one alone: the hot loops are vector code."""
+
+    def ns_per_step(walkers: int) -> float:
+        best = min(measure("damper", "agent", 1, walkers, seconds=0.3).env_steps_per_s ** -1 for _ in range(3))
+        return 1e9 * best
+
+    # Three walkers are stepped one by one, 192 in blocks.
+    alone, block = ns_per_step(3), ns_per_step(192)
+    print(f"one walker by itself {alone:.0f} ns per env step, in a block {block:.0f} ns: {alone / block:.1f} times")
+    if alone < GUARD_RATIO * block:
+        raise SystemExit(f"less than {GUARD_RATIO}: the hot loops are no vector code any more")
+
+
+def measure_peers(seconds: float, threads: int) -> dict[str, float]:
+    """Env steps per second of other simulators, as far as they are installed."""
+    simulators: dict[str, Callable[[], float]] = {
+        "MuJoCo rollout, the same mechanism": lambda: peers.mujoco_rollout(seconds, threads),
+        "Gymnasium Walker2d-v5, one environment": lambda: peers.gymnasium_walker2d(seconds),
+        "EnvPool Walker2d-v4": lambda: peers.envpool_walker2d(seconds, threads),
+    }
+    rates = {}
+    for name, rate in simulators.items():
+        with contextlib.suppress(ModuleNotFoundError):
+            rates[name] = rate()
+    return rates
+
+
+def _table(results: list[Result]) -> Table:
+    headers = (
+        "knee",
+        "actions",
+        "walkers",
+        "threads",
+        "env steps/s",
+        "simulated s/s",
+        "µs per call",
+        "ns per evaluation",
+    )
+    table = Table(*headers, box=box.SIMPLE_HEAD)
+    for column in table.columns[2:]:
+        column.justify = "right"
+    for r in results:
+        counts = (f"{r.walkers:,}", str(r.threads), f"{r.env_steps_per_s:,.0f}", f"{r.simulated_s_per_s:,.0f}")
+        table.add_row(r.device, r.mode, *counts, f"{r.us_per_call:,.1f}", f"{r.ns_per_evaluation:.1f}")
+    return table
+
+
+def _peer_table(rates: dict[str, float], ours: float) -> Table:
+    table = Table("peer", "env steps/s", "ours is faster by", box=box.SIMPLE_HEAD)
+    for name, rate in rates.items():
+        table.add_row(name, f"{rate:,.0f}", f"{ours / rate:,.0f} times")
+    return table
 
 
 def cpu_model() -> str:

@@ -31,6 +31,7 @@ trait Block: Send + Sync + std::fmt::Debug {
     fn episode(&self, lane: usize) -> Option<&Episode>;
     fn record(&mut self, lane: usize);
     fn recording(&self) -> Option<&Recorder>;
+    fn bytes(&self) -> usize;
 }
 
 /// What a thread needs for a step, made when it is first needed. Boxed: Python aligns the batch to 16 bytes, columns need 64.
@@ -65,6 +66,9 @@ macro_rules! block {
             }
             fn recording(&self) -> Option<&Recorder> {
                 self.recording()
+            }
+            fn bytes(&self) -> usize {
+                size_of::<Self>() + size_of_val(self.observations())
             }
         }
     };
@@ -131,6 +135,11 @@ impl Batch {
     /// Number of environments.
     pub fn num_envs(&self) -> usize {
         self.num_envs
+    }
+
+    /// Memory of an environment in its block, without what its episode's profile and pushes hold.
+    pub fn bytes_per_walker(&self) -> usize {
+        self.blocks.first().map_or(0, |block| block.bytes() / self.width)
     }
 
     /// Length of an observation.

