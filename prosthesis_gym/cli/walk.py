@@ -47,7 +47,7 @@ DEFAULTS: dict[str, Any] = {
     },
 }
 #: Configurations of `--solver`.
-SOLVERS = {"fast": {"solver": {"stepper": "linearly_implicit_euler", "steps": 5}}, "reference": REFERENCE_SOLVER}
+SOLVERS = {"fast": {"solver": resolve({})["solver"]}, "reference": REFERENCE_SOLVER}
 
 #: Columns of the printed table: heading, measure, decimals.
 _COLUMNS = (

@@ -21,6 +21,11 @@ pub trait HybridFlow<const L: usize> {
     /// In which lanes the guard of an event holds at the sensed state.
     fn fired(&self, state: &Self::State) -> [bool; L];
 
+    /// In which lanes of `fired` the event is to be located by a stepper other than the reference, which locates all.
+    fn urgent(&self, _state: &Self::State, fired: &[bool; L]) -> [bool; L] {
+        *fired
+    }
+
     /// Carries out the event of every lane in `fired`.
     fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]);
 
@@ -127,7 +132,12 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         step(flow, state, work, stepper, &remaining);
         flow.sense(state);
         let fired = flow.fired(state);
-        if !fired.contains(&true) {
+        // Those that the reference locates and others may do without happen at the step's end.
+        let located = if stepper == Stepper::Rk4 { fired } else { flow.urgent(state, &fired) };
+        if !located.contains(&true) {
+            if fired.contains(&true) {
+                flow.transition(state, &fired);
+            }
             flow.accept(state);
             return;
         }
@@ -135,13 +145,15 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         let (mut before, mut after) = ([0.0; L], remaining);
         for _ in 0..stepper.bisections() {
             let middle =
-                std::array::from_fn(|lane| if fired[lane] { 0.5 * (before[lane] + after[lane]) } else { after[lane] });
+                std::array::from_fn(
+                    |lane| if located[lane] { 0.5 * (before[lane] + after[lane]) } else { after[lane] },
+                );
             *state = work.start.clone();
             flow.sense(state);
             step(flow, state, work, stepper, &middle);
             flow.sense(state);
             let fired_by_then = flow.fired(state);
-            for lane in (0..L).filter(|&lane| fired[lane]) {
+            for lane in (0..L).filter(|&lane| located[lane]) {
                 let bound = if fired_by_then[lane] { &mut after } else { &mut before };
                 bound[lane] = middle[lane];
             }
@@ -150,6 +162,7 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         flow.sense(state);
         step(flow, state, work, stepper, &after);
         flow.sense(state);
+        let fired = flow.fired(state);
         flow.transition(state, &fired);
         flow.sense(state);
         flow.accept(state);

@@ -389,6 +389,12 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<L> {
         std::array::from_fn(|lane| unit[lane] | self.steps(state, lane))
     }
 
+    /// The human's; a rotor that stops or breaks away within a step of a millisecond may do so at its end.
+    #[inline(always)]
+    fn urgent(&self, state: &State<L>, fired: &[bool; L]) -> [bool; L] {
+        std::array::from_fn(|lane| fired[lane] & self.steps(state, lane))
+    }
+
     fn transition(&mut self, state: &mut State<L>, fired: &[bool; L]) {
         let unit = self.unit.fired(&state.rotor);
         for lane in (0..L).filter(|&lane| fired[lane]) {
