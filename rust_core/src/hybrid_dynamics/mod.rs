@@ -6,6 +6,7 @@
 
 pub mod body;
 pub mod chain;
+mod equations;
 pub mod general_walker;
 pub mod walker;
 pub mod walker_chain;

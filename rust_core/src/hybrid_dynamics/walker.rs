@@ -7,6 +7,7 @@
 //! Torques of the relative joints 4, 5, 8 act on these coordinates as differences.
 
 use crate::hybrid_dynamics::body::Body;
+use crate::hybrid_dynamics::equations::{Equations, Planar, dot};
 use crate::lanes::{integrable, lanes};
 use crate::math::sin_cos;
 use crate::signals::GRAVITY;
@@ -251,125 +252,6 @@ pub struct Loads {
     pub heel: PointForce,
     /// Ground on the ball.
     pub ball: PointForce,
-}
-
-/// A symmetric 2 x 2 matrix in world axes; `xy` is 0 on level ground and never looked at there.
-#[derive(Clone, Copy)]
-struct Planar {
-    xx: f64,
-    xy: f64,
-    yy: f64,
-}
-
-impl Planar {
-    /// `along` and `across` a surface of the given slope, turned into world axes.
-    #[inline(always)]
-    fn turned<const LEVEL: bool>(along: f64, across: f64, sin: f64, cos: f64) -> Self {
-        if LEVEL {
-            return Self { xx: along, xy: 0.0, yy: across };
-        }
-        let (sin2, cos2) = (sin * sin, cos * cos);
-        Self { xx: cos2 * along + sin2 * across, xy: sin * cos * (along - across), yy: sin2 * along + cos2 * across }
-    }
-
-    #[inline(always)]
-    fn apply<const LEVEL: bool>(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        if LEVEL { [self.xx * x, self.yy * y] } else { [self.xx * x + self.xy * y, self.xy * x + self.yy * y] }
-    }
-}
-
-#[inline(always)]
-fn dot([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
-    ax * bx + ay * by
-}
-
-/// Lower triangle of a symmetric positive definite matrix over hip x, hip y, thigh, shank, foot, and a right-hand side.
-///
-/// Every entry has a name of its own: an array in a lane loop would keep the loop from becoming vector code.
-struct Equations {
-    xx: f64,
-    yx: f64,
-    yy: f64,
-    tx: f64,
-    ty: f64,
-    tt: f64,
-    sx: f64,
-    sy: f64,
-    st: f64,
-    ss: f64,
-    fx: f64,
-    fy: f64,
-    ft: f64,
-    fs: f64,
-    ff: f64,
-    x: f64,
-    y: f64,
-    t: f64,
-    s: f64,
-    f: f64,
-}
-
-impl Equations {
-    /// Solution by an unrolled L D L^T decomposition; on level ground `yx` is 0 and left out.
-    #[inline(always)]
-    fn solve<const LEVEL: bool>(self) -> Acceleration {
-        let Self {
-            xx,
-            yx,
-            mut yy,
-            tx,
-            mut ty,
-            mut tt,
-            sx,
-            mut sy,
-            mut st,
-            mut ss,
-            fx,
-            mut fy,
-            mut ft,
-            mut fs,
-            mut ff,
-            ..
-        } = self;
-        let Self { x, mut y, mut t, mut s, mut f, .. } = self;
-
-        let inverse_x = 1.0 / xx;
-        let (lt, ls, lf) = (tx * inverse_x, sx * inverse_x, fx * inverse_x);
-        if !LEVEL {
-            let ly = yx * inverse_x;
-            yy -= ly * yx;
-            y -= ly * x;
-            ty -= lt * yx;
-            sy -= ls * yx;
-            fy -= lf * yx;
-        }
-        (tt, st, ss) = (tt - lt * tx, st - ls * tx, ss - ls * sx);
-        (ft, fs, ff) = (ft - lf * tx, fs - lf * sx, ff - lf * fx);
-        (t, s, f) = (t - lt * x, s - ls * x, f - lf * x);
-
-        let inverse_y = 1.0 / yy;
-        let (lt, ls, lf) = (ty * inverse_y, sy * inverse_y, fy * inverse_y);
-        (tt, st, ss) = (tt - lt * ty, st - ls * ty, ss - ls * sy);
-        (ft, fs, ff) = (ft - lf * ty, fs - lf * sy, ff - lf * fy);
-        (t, s, f) = (t - lt * y, s - ls * y, f - lf * y);
-
-        let inverse_t = 1.0 / tt;
-        let (ls, lf) = (st * inverse_t, ft * inverse_t);
-        (ss, fs, ff) = (ss - ls * st, fs - lf * st, ff - lf * ft);
-        (s, f) = (s - ls * t, f - lf * t);
-
-        let inverse_s = 1.0 / ss;
-        let lf = fs * inverse_s;
-        (ff, f) = (ff - lf * fs, f - lf * s);
-
-        let foot = f / ff;
-        let shank = (s - fs * foot) * inverse_s;
-        let thigh = (t - st * shank - ft * foot) * inverse_t;
-        let hip_y = (y - ty * thigh - sy * shank - fy * foot) * inverse_y;
-        let left = x - tx * thigh - sx * shank - fx * foot;
-        let hip_x = (if LEVEL { left } else { left - yx * hip_y }) * inverse_x;
-        Acceleration { hip_x, hip_y, thigh, shank, foot }
-    }
 }
 
 /// Mean acceleration over a linearly implicit step of length `step`; with `step = 0` the acceleration itself.
