@@ -280,6 +280,7 @@ impl<const L: usize> Environments<L> {
             knee_flexion: simulation.plant.knee_flexion(lane),
             ankle: simulation.plant.joints(lane).ankle,
             fastest_rad_s: motion.thigh_rate.abs().max(motion.shank_rate.abs()).max(motion.foot_rate.abs()),
+            extension_stop_nm: simulation.plant.extension_stop_peak[lane],
             checksum: simulation.state.checksum(lane),
         };
         match setup.config.termination.check(&posture) {

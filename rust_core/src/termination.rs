@@ -27,7 +27,7 @@ pub enum Reason {
     HipHeight,
     /// Knee or ankle went beyond its limit.
     JointLimit,
-    /// The integration diverged: the state is not finite, or a segment turns faster than any leg can.
+    /// The integration diverged: the state is not finite, or a segment or the knee's stop does what none can.
     NonFinite,
     /// Its time is over (truncation, not failure).
     TimeLimit,
@@ -47,10 +47,14 @@ pub struct Posture {
     pub ankle: f64,
     /// Fastest rotation of a segment, rad/s.
     pub fastest_rad_s: f64,
+    /// Largest torque of the extension stop, N m.
+    pub extension_stop_nm: f64,
     /// Sum of all state variables: not finite if any of them is not.
     pub checksum: f64,
 }
 
+/// Torque of the extension stop that only a diverged integration reaches: impacts of walking stay below 200.
+const DIVERGED_NM: f64 = 5000.0;
 /// Rotation that only a diverged integration reaches: walking stays below 20 rad/s, impacts in a fall below 100.
 const DIVERGED_RAD_S: f64 = 300.0;
 
@@ -58,7 +62,8 @@ impl TerminationParams {
     /// Whether and why the posture ends the episode.
     pub fn check(&self, posture: &Posture) -> Reason {
         let knee_deg = posture.knee_flexion.to_degrees();
-        if !posture.checksum.is_finite() || posture.fastest_rad_s > DIVERGED_RAD_S {
+        let diverged = posture.fastest_rad_s > DIVERGED_RAD_S || posture.extension_stop_nm > DIVERGED_NM;
+        if !posture.checksum.is_finite() || diverged {
             Reason::NonFinite
         } else if posture.hip_height < self.hip_height_m {
             Reason::HipHeight
