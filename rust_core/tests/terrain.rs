@@ -1,15 +1,14 @@
-//! The walker on ground that is not level: balance of energy and forces, walking, and lanes that stay independent.
+//! The walker on ground that is not level: balance of energy and forces, and walking.
 
 use prosthesis_gym_core::compliant_ground::GroundParams;
 use prosthesis_gym_core::config::{Config, SolverParams};
 use prosthesis_gym_core::energy_meter::EnergyMeter;
 use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
 use prosthesis_gym_core::human_prosthesis::{POWERS, Start};
-use prosthesis_gym_core::scenario::{Episode, ScenarioParams};
+use prosthesis_gym_core::scenario::Episode;
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
 use prosthesis_gym_core::simulation::Simulation;
 use prosthesis_gym_core::terrain::{self, Terrain};
-use rand_pcg::Pcg64;
 
 fn periods(seconds: f64) -> usize {
     (seconds / CONTROL_PERIOD_S).round() as usize
@@ -118,37 +117,4 @@ fn small_slopes_and_uneven_ground_are_walked() {
         assert!(motion.hip_x > 18.0, "{ground:?}: {}", motion.hip_x);
         assert!((motion.hip_y - rise - 0.9).abs() < 0.06, "{ground:?}");
     }
-}
-
-/// Also where walkers fall on knee and hip.
-#[test]
-fn a_lane_on_uneven_ground_is_the_scalar_simulation_bit_for_bit() {
-    let config = on(GroundParams { slope_deg: 3.0, roughness_m: 0.02, ..uneven() }, SolverParams::default());
-    let episodes = || -> [Episode; 8] {
-        std::array::from_fn(|lane| ScenarioParams::default().draw(&mut Pcg64::new(1, lane as u128)))
-    };
-    let mut block = Simulation::<8>::new(&config);
-    for (lane, episode) in episodes().into_iter().enumerate() {
-        block.start(lane, episode);
-    }
-    block.observe_started(&[true; 8]);
-    let mut alone = episodes().map(|episode| {
-        let mut simulation = Simulation::<1>::new(&config);
-        simulation.start(0, episode);
-        simulation.observe_started(&[true]);
-        simulation
-    });
-    let mut lowest = f64::INFINITY;
-    for _ in 0..periods(6.0) {
-        block.advance(&block.state_machine_command.clone());
-        lowest = (0..8).map(|lane| block.plant.hip_height(&block.state, lane)).fold(lowest, f64::min);
-        for (lane, simulation) in alone.iter_mut().enumerate() {
-            simulation.advance(&simulation.state_machine_command.clone());
-            let (together, alone) = (block.state.checksum(lane), simulation.state.checksum(0));
-            // What has fallen and goes on flailing may diverge in the end; the sign of a NaN means nothing.
-            let both_diverged = together.is_nan() && alone.is_nan();
-            assert!(together.to_bits() == alone.to_bits() || both_diverged, "lane {lane}: {together} {alone}");
-        }
-    }
-    assert!(lowest < 0.5, "nobody fell: {lowest}");
 }

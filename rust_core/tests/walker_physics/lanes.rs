@@ -1,0 +1,104 @@
+//! A lane of a block is the scalar simulation, bit for bit.
+
+use prosthesis_gym_core::compliant_ground::GroundParams;
+use prosthesis_gym_core::disturbance::{Push, TrunkPush};
+use prosthesis_gym_core::params::Span;
+use prosthesis_gym_core::scenario::ScenarioParams;
+use rand_pcg::Pcg64;
+
+use super::*;
+
+/// Everything that a lane carries. Shortest decimals that read back as the same number: equal text is equal bits.
+fn fingerprint<const L: usize>(simulation: &Simulation<L>, lane: usize) -> String {
+    let Simulation { plant, state, readings, state_machine, state_machine_command, .. } = simulation;
+    let motion = (state.motion.get(lane), state.reference.get(lane), state.rest.get(lane));
+    let signals = (readings.get(lane), state_machine[lane], state_machine_command[lane]);
+    let forces = (plant.reactions(state, lane), plant.device(lane), plant.extension_stop_peak[lane]);
+    format!("{motion:?}\n{signals:?}\n{forces:?}\n{:?}", plant.memory(lane))
+}
+
+/// A scenario of gusts, pushes at a gait phase and a human who does everything otherwise than the paper's.
+pub fn restless() -> ScenarioParams {
+    let mut scenario = ScenarioParams {
+        speed_m_s: Span::Fixed(1.1),
+        push_n: Span::Uniform([20.0, 60.0]),
+        push_phase: Span::Uniform([0.0, 0.8]),
+        ..ScenarioParams::default()
+    };
+    scenario.gust.force_n = Span::Uniform([-40.0, 40.0]);
+    let human = &mut scenario.human;
+    human.hip_lift_m = Span::Uniform([0.0, 0.02]);
+    human.swing_flexion_deg = Span::Uniform([0.0, 15.0]);
+    human.thigh_extension_change_deg = Span::Uniform([0.0, 3.0]);
+    human.stance_asymmetry = Span::Uniform([0.0, 0.2]);
+    human.step_delay_s = Span::Uniform([0.0, 0.03]);
+    human.touch_down_delay_s = Span::Uniform([0.0, 0.03]);
+    human.hip_stiffness_factor = Span::Uniform([0.8, 1.2]);
+    human.pendulum_stiffness_factor = Span::Uniform([1.0, 1.4]);
+    scenario
+}
+
+/// Eight different episodes, half of them restless, one of which ends in a fall.
+fn episodes() -> [Episode; 8] {
+    let scenarios = [ScenarioParams::default(), restless()];
+    let mut episodes = std::array::from_fn(|lane| scenarios[lane % 2].draw(&mut Pcg64::new(1, lane as u128)));
+    episodes[5].disturbance.pushes = vec![Push::new(TrunkPush { x: -900.0, y: 0.0 }, 0.5, 0.3, None)];
+    episodes
+}
+
+/// Also after lanes have fallen on knee and hip.
+fn assert_lanes_equal_scalar_runs(config: &Config, duration_s: f64) -> Simulation<8> {
+    let episodes = episodes();
+    let mut block = Simulation::<8>::new(config);
+    for (lane, episode) in episodes.iter().enumerate() {
+        block.start(lane, episode.clone());
+    }
+    block.observe_started(&[true; 8]);
+    let mut alone = episodes.map(|episode| {
+        let mut simulation = Simulation::<1>::new(config);
+        simulation.start(0, episode);
+        simulation.observe_started(&[true]);
+        simulation
+    });
+    let mut lowest = f64::INFINITY;
+    for period in 0..periods(duration_s) {
+        block.advance(&block.state_machine_command.clone());
+        lowest = (0..8).map(|lane| block.plant.hip_height(&block.state, lane)).fold(lowest, f64::min);
+        for (lane, simulation) in alone.iter_mut().enumerate() {
+            simulation.advance(&simulation.state_machine_command.clone());
+            let time = period as f64 * CONTROL_PERIOD_S;
+            assert_eq!(fingerprint(&block, lane), fingerprint(simulation, 0), "lane {lane} after {time:.3} s");
+        }
+    }
+    assert!(lowest < 0.5, "nobody fell: {lowest}");
+    block
+}
+
+fn assert_walked(block: &Simulation<8>) {
+    assert!(block.plant.memory(0).heel_strikes + block.plant.memory(1).heel_strikes > 2);
+}
+
+#[test]
+fn a_lane_of_a_block_is_the_scalar_simulation_bit_for_bit_with_the_fast_stepper() {
+    assert_walked(&assert_lanes_equal_scalar_runs(&with_solver(SolverParams::default()), 6.0));
+}
+
+#[test]
+fn a_lane_of_a_block_is_the_scalar_simulation_bit_for_bit_with_the_reference_stepper() {
+    assert_walked(&assert_lanes_equal_scalar_runs(&with_solver(SolverParams::REFERENCE), 4.0));
+}
+
+#[test]
+fn a_lane_on_uneven_ground_is_the_scalar_simulation_bit_for_bit() {
+    let ground = GroundParams {
+        slope_deg: 3.0,
+        step_height_m: -0.02,
+        edge_m: 0.2,
+        stair_rise_m: 0.01,
+        stair_run_m: 1.5,
+        stair_start_x_m: 5.0,
+        roughness_m: 0.02,
+        ..GroundParams::default()
+    };
+    assert_lanes_equal_scalar_runs(&Config { ground, ..Config::default() }, 6.0);
+}

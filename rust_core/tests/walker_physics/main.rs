@@ -1,0 +1,47 @@
+//! The walker as a mechanical system: conservation laws, energy balance, steppers against each other, independent lanes.
+
+mod conservation;
+mod energy;
+mod lanes;
+mod steppers;
+#[path = "../hybrid_dynamics/table_1.rs"]
+mod table_1;
+
+use prosthesis_gym_core::config::{Config, SolverParams};
+use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
+use prosthesis_gym_core::human_prosthesis::Start;
+use prosthesis_gym_core::prosthesis_device::socket::SocketParams;
+use prosthesis_gym_core::prosthesis_device::spring_damper::Connection;
+use prosthesis_gym_core::scenario::Episode;
+use prosthesis_gym_core::signals::CONTROL_PERIOD_S;
+use prosthesis_gym_core::simulation::Simulation;
+
+fn knot(time_s: f64, speed_m_s: f64, walk: bool) -> Knot {
+    Knot { time_s, speed_m_s, walk }
+}
+
+/// One walker at the start of an undisturbed trial.
+fn simulation(config: &Config, start: Start, knots: Vec<Knot>) -> Simulation<1> {
+    let mut simulation = Simulation::new(config);
+    simulation.start(0, Episode::undisturbed(start, Profile { knots }));
+    simulation.observe_started(&[true]);
+    simulation
+}
+
+fn with_solver(solver: SolverParams) -> Config {
+    Config { solver, ..Config::default() }
+}
+
+fn periods(seconds: f64) -> usize {
+    (seconds / CONTROL_PERIOD_S).round() as usize
+}
+
+fn with_socket(config: Config) -> Config {
+    Config { socket: SocketParams { connection: Connection::Compliant, ..SocketParams::default() }, ..config }
+}
+
+/// Mechanical energy, J.
+fn energy(simulation: &Simulation<1>) -> f64 {
+    let energy = simulation.plant.energy(&simulation.state, 0);
+    energy.kinetic + energy.potential
+}
