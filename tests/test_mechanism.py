@@ -4,37 +4,21 @@ The socket's targets are those of section 5.2.3 of Driessen, Laffranchi, De Mich
 doi:10.1017/wtc.2023.6, on the reference solver.
 """
 
-from functools import cache
-from types import MappingProxyType
-
 import numpy as np
 import pytest
+import reference_walks
+from reference_walks import BASE, trial40
 
-from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, merge, resolve
+from prosthesis_gym.config import apply_settings, resolve
 from prosthesis_gym.gait import stride_table, summary
-from prosthesis_gym.profiles import load_profile
-from prosthesis_gym.trial import STAND, Trial, run_trial
+from prosthesis_gym.trial import STAND, Trial
 
-BASE = MappingProxyType(
-    {
-        **REFERENCE_SOLVER,
-        "action": {"mode": "state_machine"},
-        "scenario": {"start": "standing", "speed_m_s": 1.1, "walk_s": 1.0, "push_n": 0.0},
-    }
-)
 SOCKET = "socket.connection=compliant"
 STIFF_STANCE = "state_machine.stance_damping_nms2_rad2=20"
 
 
-@cache
 def walk(*settings: str, duration_s: float = 10.0) -> Trial:
-    return run_trial(apply_settings(BASE, settings), duration_s=duration_s, progress=False)
-
-
-@cache
-def trial40(*settings: str) -> Trial:
-    config = merge(BASE, {"scenario": load_profile("trial40")})
-    return run_trial(apply_settings(config, settings), progress=False)
+    return reference_walks.walk(*settings, duration_s=duration_s)
 
 
 def last_stride(trial: Trial) -> dict[str, float]:

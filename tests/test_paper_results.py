@@ -4,40 +4,17 @@ Driessen, Laffranchi, De Michieli 2023, Wearable Technologies 4, e10, doi:10.101
 are cited. Walks start from standing with the intent to walk from 1 s, unless they say otherwise.
 """
 
-from functools import cache
-from types import MappingProxyType
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from reference_walks import trial40, walk
 
-from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, merge
 from prosthesis_gym.gait import Stride, residual_contact, stride_table, summary
-from prosthesis_gym.profiles import load_profile
-from prosthesis_gym.trial import RESIDUAL, STEP_STOP, Trial, run_trial
+from prosthesis_gym.trial import RESIDUAL, STEP_STOP, Trial
 
-BASE = MappingProxyType(
-    {
-        **REFERENCE_SOLVER,
-        "action": {"mode": "state_machine"},
-        "scenario": {"start": "standing", "speed_m_s": 1.1, "walk_s": 1.0, "push_n": 0.0},
-    }
-)
 NO_DAMPING = "action.mode=constant"
 NO_LIFT = "human.lift_scale=0"
 NO_THRUST = "human.thrust_scale=0"
-
-
-@cache
-def walk(*settings: str, duration_s: float = 30.0) -> Trial:
-    return run_trial(apply_settings(BASE, settings), duration_s=duration_s, progress=False)
-
-
-@cache
-def trial40(*settings: str) -> Trial:
-    """Walk the 40 s trial of Figure 8, with 5 s more to come to a stop."""
-    config = merge(BASE, {"scenario": load_profile("trial40")})
-    return run_trial(apply_settings(config, settings), progress=False)
 
 
 def settled(trial: Trial) -> list[Stride]:
