@@ -1,6 +1,6 @@
 //! N environments as blocks of lanes, stepped on the caller's thread or over a pool of threads.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::params::within;
 use crate::recorder::Recorder;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
-use crate::simulation::Scratch;
+use crate::simulation::{Model, Scratch};
 
 /// Walkers per wide block: one AVX-512 register of `f64`.
 pub const LANES: usize = 8;
@@ -24,7 +24,7 @@ const BLOCKS_PER_TASK: usize = 4;
 
 /// A block of environments of some width; `lane` and the slices' lengths cover its used lanes.
 trait Block: Send + Sync + std::fmt::Debug {
-    fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>);
+    fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches);
     fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches);
     fn observations(&self) -> &[f32];
     fn ended(&self, lane: usize) -> bool;
@@ -41,34 +41,43 @@ struct Scratches {
     wide: Option<Box<Scratch<LANES>>>,
 }
 
+/// Environments and the constants of their walkers, which all blocks share.
+#[derive(Debug)]
+struct Walking<const L: usize> {
+    model: Arc<Model<L>>,
+    environments: Environments<L>,
+}
+
 macro_rules! block {
     ($width:expr, $step:expr, $scratch:ident) => {
-        impl Block for Environments<$width> {
-            fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>) {
+        impl Block for Walking<$width> {
+            fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches) {
                 let lanes = std::array::from_fn(|lane| mask.get(lane).is_some_and(|&selected| selected));
-                self.reset(setup, &lanes, |lane| seeds.map(|seeds| seeds[lane]));
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                let seed = |lane: usize| seeds.map(|seeds| seeds[lane]);
+                self.environments.reset(setup, &self.model, &lanes, seed, scratch);
             }
             fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches) {
-                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(self.scratch()));
-                $step(self, setup, actions, output, scratch);
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                $step(&mut self.environments, setup, &self.model, actions, output, scratch);
             }
             fn observations(&self) -> &[f32] {
-                self.observations()
+                self.environments.observations()
             }
             fn ended(&self, lane: usize) -> bool {
-                self.ended(lane)
+                self.environments.ended(lane)
             }
             fn episode(&self, lane: usize) -> Option<&Episode> {
-                self.episode(lane)
+                self.environments.episode(lane)
             }
             fn record(&mut self, lane: usize) {
-                self.record(lane);
+                self.environments.record(lane);
             }
             fn recording(&self) -> Option<&Recorder> {
-                self.recording()
+                self.environments.recording()
             }
             fn bytes(&self) -> usize {
-                size_of::<Self>() + size_of_val(self.observations())
+                size_of::<Self>() + size_of_val(self.environments.observations())
             }
         }
     };
@@ -84,11 +93,12 @@ block!(LANES, step_wide, wide);
 fn step_wide(
     block: &mut Environments<LANES>,
     setup: &Setup,
+    model: &Model<LANES>,
     actions: &[f64],
     output: &mut StepOutput<'_>,
     scratch: &mut Scratch<LANES>,
 ) {
-    block.step(setup, actions, output, scratch);
+    block.step(setup, model, actions, output, scratch);
 }
 
 /// N environments.
@@ -120,15 +130,8 @@ impl Batch {
         within(0.0, 1024.0).check("threads", threads as f64, "")?;
         let setup = Setup::new(config, autoreset)?;
         let width = if num_envs < SCALAR_BELOW { 1 } else { LANES };
-        let blocks = (0..num_envs.div_ceil(width))
-            .map(|_| -> Box<dyn Block> {
-                if width == 1 {
-                    Box::new(Environments::<1>::new(&setup))
-                } else {
-                    Box::new(Environments::<LANES>::new(&setup))
-                }
-            })
-            .collect();
+        let blocks = num_envs.div_ceil(width);
+        let blocks = if width == 1 { walkers::<1>(&setup, blocks) } else { walkers::<LANES>(&setup, blocks) };
         Ok(Self { setup, blocks, width, num_envs, threads, pool: None, scratches: Scratches::default() })
     }
 
@@ -159,7 +162,7 @@ impl Batch {
             self.check_length("seeds", seeds.len())?;
         }
         for ((i, block), mask) in self.blocks.iter_mut().enumerate().zip(mask.chunks(self.width)) {
-            block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]));
+            block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]), &mut self.scratches);
         }
         Ok(())
     }
@@ -225,6 +228,17 @@ impl Batch {
         }
         Err(Error::Invalid(format!("{name} has {length} entries, must have one per environment: {}", self.num_envs)))
     }
+}
+
+/// Blocks of equal walkers.
+fn walkers<const L: usize>(setup: &Setup, blocks: usize) -> Vec<Box<dyn Block>>
+where
+    Walking<L>: Block + 'static,
+{
+    let model = Arc::new(Model::new(&setup.config));
+    let environments = Environments::new(setup, &model, &mut Scratch::new(&model));
+    let block = || Walking { model: Arc::clone(&model), environments: environments.clone() };
+    (0..blocks).map(|_| -> Box<dyn Block> { Box::new(block()) }).collect()
 }
 
 /// The pool of this process: a pool does not survive a fork, so a child builds its own.
