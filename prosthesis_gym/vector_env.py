@@ -204,16 +204,18 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
         """
         flat = check_actions(actions, (self.num_envs, 1))
-        observations, rewards, terminated, truncated, terms, reasons, finals, started = self.batch.step(flat)
+        step = self.batch.step(flat)
+        terms = step.terms
         infos: dict[str, Any] = {
             "reward_terms": {name: terms[:, i] for i, name in enumerate(_core.TERMS)},
             "_reward_terms": self._all,
-            "termination_reason": reasons,
+            "termination_reason": step.reasons,
             "_termination_reason": self._all,
         }
+        finals, started = step.final_observations, step.started
         if finals is not None and started.any():
             infos = self._same_step_infos(infos, finals, started)
-        return observations, rewards, terminated, truncated, infos
+        return step.observations, step.rewards, step.terminated, step.truncated, infos
 
     def _same_step_infos(self, infos: dict[str, Any], finals: Observations, ended: NDArray[np.bool_]) -> dict[str, Any]:
         """Hand out the last observation and info of episodes that ended, laid out as `SyncVectorEnv` does."""

@@ -12,6 +12,7 @@ use crate::recorder::Recorder;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
 use crate::simulation::{Model, Scratch};
+use crate::statistics::Normaliser;
 
 /// Walkers per wide block: one AVX-512 register of `f64`.
 pub const LANES: usize = 8;
@@ -113,6 +114,8 @@ pub struct Batch {
     pool: Option<Pool>,
     /// For steps on the caller's thread.
     scratches: Scratches,
+    /// Statistics of the observations, where they are normalised.
+    pub normaliser: Option<Normaliser>,
 }
 
 /// Threads, their scratches, and the process that they live in.
@@ -132,7 +135,16 @@ impl Batch {
         let width = if num_envs < SCALAR_BELOW { 1 } else { LANES };
         let blocks = num_envs.div_ceil(width);
         let blocks = if width == 1 { walkers::<1>(&setup, blocks) } else { walkers::<LANES>(&setup, blocks) };
-        Ok(Self { setup, blocks, width, num_envs, threads, pool: None, scratches: Scratches::default() })
+        Ok(Self {
+            setup,
+            blocks,
+            width,
+            num_envs,
+            threads,
+            pool: None,
+            scratches: Scratches::default(),
+            normaliser: None,
+        })
     }
 
     /// Number of environments.
@@ -167,15 +179,33 @@ impl Batch {
         Ok(())
     }
 
-    /// Copies the newest observations, (N, observation size).
-    pub fn observations(&self, into: &mut [f32]) {
+    /// Copies the newest observations, (N, observation size), normalised if that is asked for.
+    pub fn observations(&mut self, into: &mut [f32]) {
+        self.raw_observations(into);
+        if let Some(normaliser) = &mut self.normaliser {
+            normaliser.see(into);
+            normaliser.normalise(into);
+        }
+    }
+
+    fn raw_observations(&self, into: &mut [f32]) {
         for (block, slot) in self.blocks.iter().zip(into.chunks_mut(self.width * self.observation_size())) {
             slot.copy_from_slice(&block.observations()[..slot.len()]);
         }
     }
 
     /// Advances every environment by `action.hold` control periods. Actions must be finite.
-    pub fn step(&mut self, actions: &[f64], output: StepOutput<'_>) -> Result<()> {
+    pub fn step(&mut self, actions: &[f64], mut output: StepOutput<'_>) -> Result<()> {
+        self.step_raw(actions, output.reborrow())?;
+        if let Some(normaliser) = &mut self.normaliser {
+            normaliser.see(output.observations);
+            normaliser.normalise(output.observations);
+            normaliser.normalise(output.final_observations);
+        }
+        Ok(())
+    }
+
+    fn step_raw(&mut self, actions: &[f64], output: StepOutput<'_>) -> Result<()> {
         self.check_length("actions", actions.len())?;
         if let Some(index) = actions.iter().position(|action| !action.is_finite()) {
             within(-1.0, 1.0).check(&format!("actions[{index}]"), actions[index], "")?;
@@ -281,8 +311,11 @@ fn split<'a>(
         .zip(output.terms.chunks_mut(lanes * TERMS.len()))
         .zip(output.reasons.chunks_mut(lanes))
         .zip(output.started.chunks_mut(lanes))
-        .map(move |(((((((actions, observations), rewards), terminated), truncated), terms), reasons), started)| {
-            let final_observations = next_final();
+        .zip(output.episode_returns.chunks_mut(lanes))
+        .zip(output.episode_steps.chunks_mut(lanes))
+        .zip(output.episode_terms.chunks_mut(lanes * TERMS.len()))
+        .map(move |(((((part, reasons), started), episode_returns), episode_steps), episode_terms)| {
+            let (((((actions, observations), rewards), terminated), truncated), terms) = part;
             let part = StepOutput {
                 observations,
                 rewards,
@@ -290,8 +323,11 @@ fn split<'a>(
                 truncated,
                 terms,
                 reasons,
-                final_observations,
+                final_observations: next_final(),
                 started,
+                episode_returns,
+                episode_steps,
+                episode_terms,
             };
             (actions, part)
         })

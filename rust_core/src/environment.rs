@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::math::{SPLITMIX_STEP, max, scramble, select};
 use crate::prosthesis_controller::agent::{self, ActionMap, LONGEST_FRAME};
 use crate::recorder::Recorder;
-use crate::reward::{self, Outcome, TERMS, TermsLanes};
+use crate::reward::{self, Outcome, TERMS, Terms, TermsLanes};
 use crate::scenario::Episode;
 use crate::signals::GRAVITY;
 use crate::simulation::{Model, Sampled, Scratch, Simulation};
@@ -34,6 +34,10 @@ struct Env {
     episode: u64,
     last_command: f64,
     ended: bool,
+    /// Of the present episode so far.
+    steps: u32,
+    total_reward: f64,
+    terms: Terms,
 }
 
 /// What one step of a slice of environments writes.
@@ -55,6 +59,31 @@ pub struct StepOutput<'a> {
     pub final_observations: &'a mut [f32],
     /// (N,): reset in this step.
     pub started: &'a mut [bool],
+    /// (N,): sum of rewards of the episode that this step belongs to, so far.
+    pub episode_returns: &'a mut [f64],
+    /// (N,): its steps so far.
+    pub episode_steps: &'a mut [u32],
+    /// (N, number of terms): sums of its terms; written where the episode has ended.
+    pub episode_terms: &'a mut [f64],
+}
+
+impl StepOutput<'_> {
+    /// The same for a shorter time.
+    pub fn reborrow(&mut self) -> StepOutput<'_> {
+        StepOutput {
+            observations: self.observations,
+            rewards: self.rewards,
+            terminated: self.terminated,
+            truncated: self.truncated,
+            terms: self.terms,
+            reasons: self.reasons,
+            final_observations: self.final_observations,
+            started: self.started,
+            episode_returns: self.episode_returns,
+            episode_steps: self.episode_steps,
+            episode_terms: self.episode_terms,
+        }
+    }
 }
 
 /// What all environments of a batch share.
@@ -174,6 +203,7 @@ impl<const L: usize> Environments<L> {
             env.episode += 1;
             env.ended = false;
             env.last_command = 0.0;
+            (env.steps, env.total_reward, env.terms) = (0, 0.0, Terms::default());
             let episode = setup.config.scenario.draw(&mut random);
             self.simulation.start(model, lane, episode, scratch);
         }
@@ -262,8 +292,21 @@ impl<const L: usize> Environments<L> {
                 Autoreset::Disabled => false,
             };
             let terms = terms.get(lane);
-            output.rewards[lane] = terms.reward(&setup.config.reward);
-            output.terms[lane * TERMS.len()..(lane + 1) * TERMS.len()].copy_from_slice(&terms.values());
+            let reward = terms.reward(&setup.config.reward);
+            let row = lane * TERMS.len()..(lane + 1) * TERMS.len();
+            output.rewards[lane] = reward;
+            output.terms[row.clone()].copy_from_slice(&terms.values());
+            let env = &mut self.envs[lane];
+            if !skipped[lane] {
+                env.steps += 1;
+                env.total_reward += reward;
+                env.terms = env.terms.plus(&terms);
+            }
+            output.episode_returns[lane] = env.total_reward;
+            output.episode_steps[lane] = env.steps;
+            if ends {
+                output.episode_terms[row].copy_from_slice(&env.terms.values());
+            }
             output.terminated[lane] = ends && reasons[lane] != Reason::TimeLimit;
             output.truncated[lane] = reasons[lane] == Reason::TimeLimit;
             output.reasons[lane] = reasons[lane] as u8;
