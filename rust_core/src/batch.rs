@@ -5,13 +5,15 @@ use std::sync::{Arc, Mutex, PoisonError};
 use rayon::prelude::*;
 
 use crate::config::Config;
-use crate::environment::{Autoreset, Environments, Setup, StepOutput};
+use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup, StepOutput};
 use crate::error::{Error, Result};
 use crate::params::within;
+use crate::randomisation::Randomiser;
 use crate::recorder::Recorder;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
 use crate::simulation::{Model, Scratch};
+use crate::snapshot;
 use crate::statistics::Normaliser;
 
 /// Walkers per wide block: one AVX-512 register of `f64`.
@@ -30,6 +32,8 @@ trait Block: Send + Sync + std::fmt::Debug {
     fn observations(&self) -> &[f32];
     fn ended(&self, lane: usize) -> bool;
     fn episode(&self, lane: usize) -> Option<&Episode>;
+    fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment>;
+    fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches);
     fn record(&mut self, lane: usize);
     fn recording(&self) -> Option<&Recorder>;
     fn bytes(&self) -> usize;
@@ -56,11 +60,12 @@ macro_rules! block {
                 let lanes = std::array::from_fn(|lane| mask.get(lane).is_some_and(|&selected| selected));
                 let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
                 let seed = |lane: usize| seeds.map(|seeds| seeds[lane]);
-                self.environments.reset(setup, &self.model, &lanes, seed, scratch);
+                self.environments.reset(setup, &mut self.model, &lanes, seed, scratch);
             }
             fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches) {
                 let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
-                $step(&mut self.environments, setup, &self.model, actions, output, scratch);
+                let starting = $step(&mut self.environments, setup, &self.model, actions, output, scratch);
+                self.environments.finish(setup, &mut self.model, &starting, output, scratch);
             }
             fn observations(&self) -> &[f32] {
                 self.environments.observations()
@@ -70,6 +75,13 @@ macro_rules! block {
             }
             fn episode(&self, lane: usize) -> Option<&Episode> {
                 self.environments.episode(lane)
+            }
+            fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment> {
+                self.environments.save(setup, lane)
+            }
+            fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches) {
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                self.environments.restore(setup, &mut self.model, lane, saved, scratch);
             }
             fn record(&mut self, lane: usize) {
                 self.environments.record(lane);
@@ -98,8 +110,8 @@ fn step_wide(
     actions: &[f64],
     output: &mut StepOutput<'_>,
     scratch: &mut Scratch<LANES>,
-) {
-    block.step(setup, model, actions, output, scratch);
+) -> [bool; LANES] {
+    block.step(setup, model, actions, output, scratch)
 }
 
 /// N environments.
@@ -235,6 +247,52 @@ impl Batch {
         Ok(())
     }
 
+    /// Share of disturbances and randomisation, in [0, 1], that episodes have from their next start on.
+    pub fn set_difficulty(&mut self, difficulty: f64) -> Result<()> {
+        within(0.0, 1.0).check("difficulty", difficulty, "")?;
+        self.setup.difficulty = difficulty;
+        Ok(())
+    }
+
+    /// That share.
+    pub fn difficulty(&self) -> f64 {
+        self.setup.difficulty
+    }
+
+    /// Keys of the randomised parameters.
+    pub fn randomised(&self) -> impl Iterator<Item = &str> {
+        self.setup.randomiser.iter().flat_map(Randomiser::keys)
+    }
+
+    /// State of the environments at `indices`: put back, each goes on bit for bit.
+    pub fn save(&self, indices: &[usize]) -> Result<Vec<u8>> {
+        let saved = indices.iter().map(|&index| {
+            self.check_index(index)?;
+            let saved = self.blocks[index / self.width].save(&self.setup, index % self.width);
+            saved.ok_or_else(|| Error::Invalid(format!("environment {index} has not been reset yet")))
+        });
+        snapshot::encode(&self.setup.config, &saved.collect::<Result<Vec<_>>>()?)
+    }
+
+    /// Puts saved environments at `indices`; a single one at all of them.
+    pub fn restore(&mut self, indices: &[usize], bytes: &[u8]) -> Result<()> {
+        let saved = snapshot::decode(&self.setup.config, bytes)?;
+        if saved.len() != 1 && saved.len() != indices.len() {
+            let reason = format!("state holds {} environments, must hold 1 or {}", saved.len(), indices.len());
+            return Err(Error::Invalid(reason));
+        }
+        indices.iter().try_for_each(|&index| self.check_index(index))?;
+        for (&index, saved) in indices.iter().zip(saved.iter().cycle()) {
+            let block = &mut self.blocks[index / self.width];
+            block.restore(&self.setup, index % self.width, saved, &mut self.scratches);
+        }
+        Ok(())
+    }
+
+    fn check_index(&self, index: usize) -> Result<()> {
+        within(0.0, (self.num_envs - 1) as f64).check("index", index as f64, "")
+    }
+
     /// The episode that runs in each environment.
     pub fn episodes(&self) -> impl Iterator<Item = &Episode> {
         (0..self.num_envs).filter_map(|index| self.blocks[index / self.width].episode(index % self.width))
@@ -242,7 +300,7 @@ impl Batch {
 
     /// Records environment `index` at 200 Hz from its next reset on.
     pub fn record(&mut self, index: usize) -> Result<()> {
-        within(0.0, (self.num_envs - 1) as f64).check("index", index as f64, "")?;
+        self.check_index(index)?;
         self.blocks[index / self.width].record(index % self.width);
         Ok(())
     }
@@ -265,8 +323,9 @@ fn walkers<const L: usize>(setup: &Setup, blocks: usize) -> Vec<Box<dyn Block>>
 where
     Walking<L>: Block + 'static,
 {
-    let model = Arc::new(Model::new(&setup.config));
-    let environments = Environments::new(setup, &model, &mut Scratch::new(&model));
+    let mut model = Arc::new(Model::new(&setup.config));
+    let mut scratch = Scratch::new(&model);
+    let environments = Environments::new(setup, &mut model, &mut scratch);
     let block = || Walking { model: Arc::clone(&model), environments: environments.clone() };
     (0..blocks).map(|_| -> Box<dyn Block> { Box::new(block()) }).collect()
 }

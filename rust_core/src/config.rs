@@ -21,6 +21,7 @@ use crate::prosthesis_device::socket::{SocketParams, socket};
 use crate::prosthesis_device::spring_damper::Connection;
 use crate::prosthesis_device::tube::{TubeParams, tube};
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
+use crate::randomisation::Randomiser;
 use crate::reward::RewardParams;
 use crate::scenario::ScenarioParams;
 use crate::sensors::SensorParams;
@@ -158,6 +159,7 @@ impl Config {
     /// Checks every value against its range, and those that must fit together.
     pub fn validate(&self) -> Result<()> {
         self.validate_sections()?;
+        Randomiser::new(self)?;
         for end in [0.0, 1.0] {
             let variation = self.scenario.human.at(|| end);
             self.human.varied(&variation).validate("human (varied by scenario.human)")?;

@@ -4,9 +4,10 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
+use crate::distribution::Distribution;
 use crate::error::Result;
 use crate::math::sin_cos;
-use crate::params::{Parameter, Range, Span, params, within};
+use crate::params::{Parameter, Range, params, within};
 use crate::signals::CONTROL_PERIOD_S;
 
 /// Latest phase of a step at which a push can begin: hardly a step ends before it (Figure 3).
@@ -92,6 +93,12 @@ impl Push {
         Self { force, first_sample: samples(time_s), samples: samples(duration_s), phase, begun: None }
     }
 
+    /// A listed push with its force times `scale`.
+    pub fn scaled(push: &ListedPush, scale: f64) -> Self {
+        let force = TrunkPush { x: scale * push.force_x_n, y: scale * push.force_y_n };
+        Self::new(force, push.time_s, push.duration_s, push.phase)
+    }
+
     /// Earliest time at which it may begin, s.
     pub fn earliest_s(&self) -> f64 {
         self.first_sample as f64 * CONTROL_PERIOD_S
@@ -110,13 +117,6 @@ impl Push {
     }
 }
 
-impl From<&ListedPush> for Push {
-    fn from(push: &ListedPush) -> Self {
-        let force = TrunkPush { x: push.force_x_n, y: push.force_y_n };
-        Self::new(force, push.time_s, push.duration_s, push.phase)
-    }
-}
-
 /// Seconds as control samples.
 pub fn samples(seconds: f64) -> u64 {
     (seconds / CONTROL_PERIOD_S).round() as u64
@@ -126,16 +126,16 @@ params! {
     /// Gusts on the trunk, one after the other, each with numbers of its own: F(t) = force/2 (1 - cos(2 pi t / duration)), the discrete gust of aviation (CS-25.341).
     pub struct GustParams {
         /// Peak force of a gust; forward is positive. 0 for no gusts.
-        force_n: Span = Span::Fixed(0.0), "N", within(-1e4, 1e4);
+        force_n: Distribution = Distribution::Fixed(0.0), "N", within(-1e4, 1e4);
         /// Duration of a gust.
-        duration_s: Span = Span::Uniform([0.5, 2.0]), "s", within(0.05, 100.0);
+        duration_s: Distribution = Distribution::Uniform([0.5, 2.0]), "s", within(0.05, 100.0);
         /// Calm before a gust.
-        pause_s: Span = Span::Uniform([0.5, 3.0]), "s", within(0.0, 1e4);
+        pause_s: Distribution = Distribution::Uniform([0.5, 3.0]), "s", within(0.0, 1e4);
     }
 }
 
 /// One gust.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct Gust {
     begin_s: f64,
     duration_s: f64,
@@ -163,30 +163,40 @@ pub struct Gusts {
     params: GustParams,
     random: Pcg64,
     now: Gust,
+    scale: f64,
 }
 
 impl Gusts {
-    /// The gusts of an episode, none if they have no force.
-    pub fn new(params: &GustParams, seed: u64) -> Option<Self> {
+    /// The gusts of an episode with their forces times `scale`, none if they have no force.
+    pub fn new(params: &GustParams, seed: u64, scale: f64) -> Option<Self> {
         (params.force_n.bounds() != [0.0; 2]).then(|| Self {
             params: params.clone(),
             random: Pcg64::new(seed.into(), 0),
             now: Gust::default(),
+            scale,
         })
     }
 
     /// Forward force at `time`, which must not run backward, N.
     fn force_x(&mut self, time: f64) -> f64 {
         while time >= self.now.end_s() {
-            let mut draw = |span: Span| span.at(self.random.random::<f64>());
+            let mut draw = |distribution: &Distribution| distribution.at(self.random.random::<f64>());
             self.now = Gust {
-                begin_s: self.now.end_s() + draw(self.params.pause_s),
-                duration_s: draw(self.params.duration_s),
-                force_n: draw(self.params.force_n),
+                begin_s: self.now.end_s() + draw(&self.params.pause_s),
+                duration_s: draw(&self.params.duration_s),
+                force_n: self.scale * draw(&self.params.force_n),
             };
         }
         self.now.force_x(time)
     }
+}
+
+/// How far the disturbances of an episode have come.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Progress {
+    /// First sample of each push that has begun.
+    begun: Vec<Option<u64>>,
+    gusts: Option<(Pcg64, Gust)>,
 }
 
 /// Everything that disturbs the walker in an episode.
@@ -199,6 +209,24 @@ pub struct Disturbance {
 }
 
 impl Disturbance {
+    /// How far they have come.
+    pub fn progress(&self) -> Progress {
+        Progress {
+            begun: self.pushes.iter().map(|push| push.begun).collect(),
+            gusts: self.gusts.as_ref().map(|gusts| (gusts.random.clone(), gusts.now)),
+        }
+    }
+
+    /// Puts the same disturbances where they had come.
+    pub fn resume(&mut self, progress: &Progress) {
+        for (push, &begun) in self.pushes.iter_mut().zip(&progress.begun) {
+            push.begun = begun;
+        }
+        if let (Some(gusts), Some((random, now))) = (&mut self.gusts, &progress.gusts) {
+            (gusts.random, gusts.now) = (random.clone(), *now);
+        }
+    }
+
     /// Force during the control period that starts at `sample`. `time_at` tells when the current step reaches a phase, s.
     pub fn force(&mut self, sample: u64, time_at: impl Fn(f64) -> f64) -> TrunkPush {
         let wind = self.gusts.as_mut().map_or(0.0, |gusts| gusts.force_x(sample as f64 * CONTROL_PERIOD_S));
@@ -245,8 +273,12 @@ mod tests {
         disturbance.pushes.push(Push::new(FORCE, 0.5, 1.0, None));
         assert_eq!(disturbance.force(0, |_| 0.0), FORCE);
         assert_eq!(disturbance.force(100, |_| 0.0), TrunkPush { x: 200.0, y: -40.0 });
-        let params = GustParams { force_n: Span::Fixed(50.0), duration_s: Span::Fixed(2.0), pause_s: Span::Fixed(0.0) };
-        disturbance.gusts = Gusts::new(&params, 1);
+        let params = GustParams {
+            force_n: Distribution::Fixed(50.0),
+            duration_s: Distribution::Fixed(2.0),
+            pause_s: Distribution::Fixed(0.0),
+        };
+        disturbance.gusts = Gusts::new(&params, 1, 1.0);
         assert!((disturbance.force(200, |_| 0.0).x - 150.0).abs() < 1e-9);
     }
 
@@ -260,9 +292,9 @@ mod tests {
 
     #[test]
     fn gusts_differ_keep_to_their_distributions_and_repeat_with_their_seed() {
-        let params = GustParams { force_n: Span::Uniform([-60.0, 60.0]), ..GustParams::default() };
+        let params = GustParams { force_n: Distribution::Uniform([-60.0, 60.0]), ..GustParams::default() };
         let forces = |seed: u64| -> Vec<f64> {
-            let mut gusts = Gusts::new(&params, seed).unwrap();
+            let mut gusts = Gusts::new(&params, seed, 1.0).unwrap();
             (0..20_000).map(|sample| gusts.force_x(sample as f64 * CONTROL_PERIOD_S)).collect()
         };
         let first = forces(1);
@@ -273,6 +305,6 @@ mod tests {
         // 100 s of gusts of 1.25 s after pauses of 1.75 s, on the average.
         let begins = first.windows(2).filter(|pair| pair[0] == 0.0 && pair[1] != 0.0).count();
         assert!((25..42).contains(&begins), "{begins}");
-        assert_eq!(Gusts::new(&GustParams::default(), 1), None);
+        assert_eq!(Gusts::new(&GustParams::default(), 1, 1.0), None);
     }
 }

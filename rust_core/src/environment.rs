@@ -3,17 +3,20 @@
 //! The random stream of an episode depends on (seed, episode number) alone, and lanes never mix, so trajectories do not
 //! depend on batch size, position in the batch or number of threads.
 
+use std::sync::Arc;
+
 use rand_pcg::Pcg64;
 
 use crate::config::Config;
 use crate::error::Result;
 use crate::math::{SPLITMIX_STEP, max, scramble, select};
 use crate::prosthesis_controller::agent::{self, ActionMap, LONGEST_FRAME};
+use crate::randomisation::Randomiser;
 use crate::recorder::Recorder;
 use crate::reward::{self, Outcome, TERMS, Terms, TermsLanes};
 use crate::scenario::Episode;
 use crate::signals::GRAVITY;
-use crate::simulation::{Model, Sampled, Scratch, Simulation};
+use crate::simulation::{Model, Sampled, SavedWalker, Scratch, Simulation};
 use crate::termination::{Posture, PostureLanes, Reason, TerminationParams};
 
 /// What happens to an environment after its episode has ended (Gymnasium's `AutoresetMode`).
@@ -28,16 +31,26 @@ pub enum Autoreset {
 }
 
 /// What an environment keeps beside its walker.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
 struct Env {
     seed: u64,
     episode: u64,
     last_command: f64,
     ended: bool,
+    /// That the present episode was drawn with.
+    difficulty: f64,
     /// Of the present episode so far.
     steps: u32,
     total_reward: f64,
     terms: Terms,
+}
+
+/// One environment between two steps. What its episode says follows from its seed.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct SavedEnvironment {
+    env: Env,
+    observation: Vec<f32>,
+    walker: SavedWalker,
 }
 
 /// What one step of a slice of environments writes.
@@ -93,6 +106,12 @@ pub struct Setup {
     pub config: Config,
     /// What happens after an episode's end.
     pub autoreset: Autoreset,
+    /// Share of disturbances and randomisation that episodes have from their next start on, in [0, 1].
+    pub difficulty: f64,
+    /// Draws the parameters of walkers.
+    pub randomiser: Option<Randomiser>,
+    /// Whether any walker may meet uneven ground.
+    uneven: bool,
     action: ActionMap,
     last_sample: u64,
     frame_size: usize,
@@ -105,7 +124,9 @@ impl Setup {
         let last_sample = config.scenario.samples();
         let action = ActionMap::new(&config);
         let frame_size = agent::channels(config.device.kind).len();
-        Ok(Self { config, autoreset, action, last_sample, frame_size })
+        let randomiser = Randomiser::new(&config)?;
+        let uneven = randomiser.as_ref().is_some_and(Randomiser::is_uneven);
+        Ok(Self { config, autoreset, difficulty: 1.0, randomiser, uneven, action, last_sample, frame_size })
     }
 
     /// Length of one environment's observation.
@@ -129,16 +150,19 @@ pub struct Environments<const L: usize> {
     envs: [Env; L],
     /// Newest observation of each lane, newest frame first.
     observations: Vec<f32>,
+    /// Hip height that counts as a fall, m.
+    fall_height: [f64; L],
     recorder: Option<(usize, Recorder)>,
 }
 
 impl<const L: usize> Environments<L> {
     /// Environments that walk along until their first [`reset`](Self::reset), so that unused lanes need no special case.
-    pub fn new(setup: &Setup, model: &Model<L>, scratch: &mut Scratch<L>) -> Self {
+    pub fn new(setup: &Setup, model: &mut Arc<Model<L>>, scratch: &mut Scratch<L>) -> Self {
         let mut environments = Self {
             simulation: Simulation::new(model),
             envs: [Env::default(); L],
             observations: vec![0.0; L * setup.observation_size()],
+            fall_height: [setup.config.termination.hip_height_m; L],
             recorder: None,
         };
         environments.start(setup, model, &[true; L], scratch);
@@ -149,7 +173,7 @@ impl<const L: usize> Environments<L> {
     pub fn reset(
         &mut self,
         setup: &Setup,
-        model: &Model<L>,
+        model: &mut Arc<Model<L>>,
         lanes: &[bool; L],
         seed: impl Fn(usize) -> Option<u64>,
         scratch: &mut Scratch<L>,
@@ -195,16 +219,12 @@ impl<const L: usize> Environments<L> {
     }
 
     /// Starts the next episode of the given lanes.
-    #[inline(always)]
-    fn start(&mut self, setup: &Setup, model: &Model<L>, lanes: &[bool; L], scratch: &mut Scratch<L>) {
+    fn start(&mut self, setup: &Setup, model: &mut Arc<Model<L>>, lanes: &[bool; L], scratch: &mut Scratch<L>) {
         for lane in (0..L).filter(|&lane| lanes[lane]) {
-            let env = &mut self.envs[lane];
-            let mut random = random_stream(env.seed, env.episode);
-            env.episode += 1;
-            env.ended = false;
-            env.last_command = 0.0;
-            (env.steps, env.total_reward, env.terms) = (0, 0.0, Terms::default());
-            let episode = setup.config.scenario.draw(&mut random);
+            let Env { seed, episode, .. } = self.envs[lane];
+            let next = Env { seed, episode: episode + 1, difficulty: setup.difficulty, ..Env::default() };
+            let episode = self.draw(setup, model, lane, &next);
+            self.envs[lane] = next;
             self.simulation.start(model, lane, episode, scratch);
         }
         self.simulation.observe_started(model, lanes, scratch);
@@ -218,6 +238,44 @@ impl<const L: usize> Environments<L> {
                 recorder.push(&Sampled { model, simulation: &self.simulation, scratch }, lane);
             }
         }
+    }
+
+    /// Draws the present episode of `env`, and gives `lane` the walker of it.
+    fn draw(&mut self, setup: &Setup, model: &mut Arc<Model<L>>, lane: usize, env: &Env) -> Episode {
+        let mut random = random_stream(env.seed, env.episode - 1);
+        let randomiser = setup.randomiser.as_ref();
+        let episode = setup.config.scenario.draw(&mut random, env.difficulty, randomiser);
+        if let (Some(randomiser), Some(drawn)) = (randomiser, &episode.drawn) {
+            let config = randomiser.config(drawn);
+            self.fall_height[lane] = config.termination.hip_height_m;
+            Arc::make_mut(model).set(lane, &config, setup.uneven);
+        }
+        episode
+    }
+
+    /// The environment in `lane`; `None` before its first episode.
+    pub fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment> {
+        let size = setup.observation_size();
+        Some(SavedEnvironment {
+            env: self.envs[lane],
+            observation: self.observations[lane * size..(lane + 1) * size].to_vec(),
+            walker: self.simulation.save(lane)?,
+        })
+    }
+
+    /// Puts the environment in `lane` where a saved one was; its recording goes on.
+    pub fn restore(
+        &mut self,
+        setup: &Setup,
+        model: &mut Arc<Model<L>>,
+        lane: usize,
+        saved: &SavedEnvironment,
+        scratch: &mut Scratch<L>,
+    ) {
+        let episode = self.draw(setup, model, lane, &saved.env);
+        self.simulation.restore(model, lane, episode, &saved.walker, scratch);
+        self.envs[lane] = saved.env;
+        self.observation_mut(setup, lane).copy_from_slice(&saved.observation);
     }
 
     fn frame(&self, setup: &Setup, lane: usize) -> [f32; LONGEST_FRAME] {
@@ -239,7 +297,8 @@ impl<const L: usize> Environments<L> {
         observation[..frame.len()].copy_from_slice(frame);
     }
 
-    /// Advances every lane by one action of `action.hold` control periods; `actions` and `output` cover the used lanes.
+    /// Advances every lane by one action of `action.hold` control periods; `actions` and `output` cover the used lanes. Returns
+    /// the lanes that are due to start anew: [`finish`](Self::finish) does so, and hands out the observations.
     #[inline(always)]
     pub fn step(
         &mut self,
@@ -248,7 +307,7 @@ impl<const L: usize> Environments<L> {
         actions: &[f64],
         output: &mut StepOutput<'_>,
         scratch: &mut Scratch<L>,
-    ) {
+    ) -> [bool; L] {
         let used = actions.len();
         let skipped: [bool; L] = std::array::from_fn(|lane| self.envs[lane].ended);
         let mut reasons = [Reason::None; L];
@@ -312,14 +371,26 @@ impl<const L: usize> Environments<L> {
             output.reasons[lane] = reasons[lane] as u8;
             output.started[lane] = starting[lane];
         }
-        let size = setup.observation_size();
+        starting
+    }
+
+    /// Starts the lanes that a step has found due, and hands out the newest observations.
+    pub fn finish(
+        &mut self,
+        setup: &Setup,
+        model: &mut Arc<Model<L>>,
+        starting: &[bool; L],
+        output: &mut StepOutput<'_>,
+        scratch: &mut Scratch<L>,
+    ) {
+        let used = output.observations.len();
         if starting.contains(&true) {
             if setup.autoreset == Autoreset::SameStep {
-                output.final_observations.copy_from_slice(&self.observations[..used * size]);
+                output.final_observations.copy_from_slice(&self.observations[..used]);
             }
-            self.start(setup, model, &starting, scratch);
+            self.start(setup, model, starting, scratch);
         }
-        output.observations.copy_from_slice(&self.observations[..used * size]);
+        output.observations.copy_from_slice(&self.observations[..used]);
     }
 
     /// Terms of the control period that has just passed, and which of the lanes it has ended and why.
@@ -335,7 +406,7 @@ impl<const L: usize> Environments<L> {
         let limits = &setup.config.termination;
         let mut postures = PostureLanes::<L>::default();
         for lane in 0..L {
-            postures.set(lane, posture(&sampled, lane));
+            postures.set(lane, posture(&sampled, self.fall_height[lane], lane));
         }
         let mut failed = [false; L];
         for lane in 0..L {
@@ -360,11 +431,11 @@ impl<const L: usize> Environments<L> {
 }
 
 #[inline(always)]
-fn posture<const L: usize>(sampled: &Sampled<'_, L>, lane: usize) -> Posture {
+fn posture<const L: usize>(sampled: &Sampled<'_, L>, fall_height: f64, lane: usize) -> Posture {
     let plant = sampled.plant();
     let motion = plant.motion(lane);
     Posture {
-        hip_height: plant.hip_height(lane),
+        hip_clearance: plant.hip_height(lane) - fall_height,
         knee_flexion: plant.knee_flexion(lane),
         ankle: plant.joints(lane).ankle,
         fastest_rad_s: max(max(motion.thigh_rate.abs(), motion.shank_rate.abs()), motion.foot_rate.abs()),

@@ -11,7 +11,7 @@ macro_rules! lanes {
         $($(#[$field_meta:meta])* $field:ident: $kind:ty,)+
     }) => {
         $(#[$meta])*
-        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
         pub struct $Scalar { $($(#[$field_meta])* pub $field: $kind,)+ }
 
         #[doc = concat!("Columns of [`", stringify!($Scalar), "`], one entry per lane.")]

@@ -76,9 +76,24 @@ pub trait Parameter: Clone {
     fn check(&self, _key: &str) -> Result<()> {
         Ok(())
     }
+    /// Sets it to a number, if it is one; else false.
+    fn assign(&mut self, _number: f64) -> bool {
+        false
+    }
+    /// Its number, if it is one.
+    fn number(&self) -> Option<f64> {
+        None
+    }
 }
 
 impl Parameter for f64 {
+    fn assign(&mut self, number: f64) -> bool {
+        *self = number;
+        true
+    }
+    fn number(&self) -> Option<f64> {
+        Some(*self)
+    }
     fn numbers(&self) -> [f64; 2] {
         [*self; 2]
     }
@@ -88,6 +103,13 @@ impl Parameter for f64 {
 }
 
 impl Parameter for usize {
+    fn assign(&mut self, number: f64) -> bool {
+        *self = number.round() as usize;
+        true
+    }
+    fn number(&self) -> Option<f64> {
+        Some(*self as f64)
+    }
     fn numbers(&self) -> [f64; 2] {
         [*self as f64; 2]
     }
@@ -110,61 +132,6 @@ impl Parameter for bool {
 
 /// Any value of its type: the range of parameters that are no numbers.
 pub const ANY: Range = within(0.0, 1.0);
-
-/// A fixed number, or a uniform distribution `[low, high]` that every episode draws from.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
-#[serde(untagged, expecting = "expected a number or [low, high]")]
-pub enum Span {
-    /// Always this value.
-    Fixed(f64),
-    /// Uniform between the two.
-    Uniform([f64; 2]),
-}
-
-impl serde::Serialize for Span {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
-        match self {
-            Self::Fixed(value) => value.serialize(serializer),
-            // As a sequence: an array would become a tuple in Python.
-            Self::Uniform(bounds) => bounds.as_slice().serialize(serializer),
-        }
-    }
-}
-
-impl Span {
-    /// Smallest and largest value.
-    pub fn bounds(self) -> [f64; 2] {
-        match self {
-            Self::Fixed(value) => [value; 2],
-            Self::Uniform(bounds) => bounds,
-        }
-    }
-
-    /// The value at `fraction` in [0, 1] of the way from low to high.
-    pub fn at(self, fraction: f64) -> f64 {
-        let [low, high] = self.bounds();
-        low + (high - low) * fraction
-    }
-}
-
-impl Parameter for Span {
-    fn numbers(&self) -> [f64; 2] {
-        self.bounds()
-    }
-    fn text(&self) -> String {
-        match self {
-            Self::Fixed(value) => value.to_string(),
-            Self::Uniform([low, high]) => format!("[{low}, {high}]"),
-        }
-    }
-    fn check(&self, key: &str) -> Result<()> {
-        let [low, high] = self.bounds();
-        if low <= high {
-            return Ok(());
-        }
-        Err(Error::OutOfRange { key: key.to_owned(), value: self.text(), range: "[low, high] with low <= high".into() })
-    }
-}
 
 /// See the module's documentation.
 macro_rules! params {
@@ -194,6 +161,31 @@ macro_rules! params {
                 })+
                 $($(self.$section.validate(&format!("{path}.{}", stringify!($section)))?;)+)?
                 Ok(())
+            }
+
+            /// Sets the number at `path`, relative to this struct; false if there is none.
+            #[allow(unused_variables)]
+            pub fn assign(&mut self, path: &str, number: f64) -> bool {
+                use $crate::params::Parameter;
+                $(if path == stringify!($field) { return self.$field.assign(number); })+
+                $($(
+                    if let Some(path) = path.strip_prefix(concat!(stringify!($section), ".")) {
+                        return self.$section.assign(path, number);
+                    }
+                )+)?
+                false
+            }
+
+            /// The number at `path`, relative to this struct, and the range that is declared for it.
+            pub fn number(&self, path: &str) -> Option<(f64, $crate::params::Range)> {
+                use $crate::params::Parameter;
+                $(if path == stringify!($field) { return Some((self.$field.number()?, $range)); })+
+                $($(
+                    if let Some(path) = path.strip_prefix(concat!(stringify!($section), ".")) {
+                        return self.$section.number(path);
+                    }
+                )+)?
+                None
             }
 
             /// The parameter table of this struct.

@@ -3,11 +3,13 @@
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
+use crate::distribution::Distribution;
 use crate::disturbance::{Disturbance, GustParams, Gusts, LATEST_PHASE, ListedPushes, Push, TrunkPush, samples};
 use crate::human_controller::intent::{Knot, Profile};
 use crate::human_controller::variation::{HumanVariation, HumanVariationParams};
 use crate::human_prosthesis::Start;
-use crate::params::{ANY, Parameter, Range, Span, params, within};
+use crate::params::{ANY, Parameter, Range, params, within};
+use crate::randomisation::{Drawn, Randomised, Randomiser, Variants, eased};
 
 /// Start posture of an episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,23 +44,27 @@ params! {
         /// Length of an episode, after which it is truncated.
         duration_s: f64 = 12.0, "s", within(0.1, 1e4);
         /// Intended speed.
-        speed_m_s: Span = Span::Uniform([0.8, 1.5]), "m/s", within(0.3, 2.5);
+        speed_m_s: Distribution = Distribution::Uniform([0.8, 1.5]), "m/s", within(0.3, 2.5);
         /// Time at which the intended speed is drawn anew; later than the episode's end for never.
-        speed_change_s: Span = Span::Uniform([3.0, 9.0]), "s", within(0.0, 1e4);
+        speed_change_s: Distribution = Distribution::Uniform([3.0, 9.0]), "s", within(0.0, 1e4);
         /// Time at which a walker that starts from standing intends to walk.
-        walk_s: Span = Span::Uniform([0.1, 0.5]), "s", within(0.0, 1e4);
+        walk_s: Distribution = Distribution::Uniform([0.1, 0.5]), "s", within(0.0, 1e4);
         /// Size of the push on the trunk; forward or backward with equal odds.
-        push_n: Span = Span::Uniform([0.0, 300.0]), "N", within(0.0, 1e4);
+        push_n: Distribution = Distribution::Uniform([0.0, 300.0]), "N", within(0.0, 1e4);
         /// Time of the push.
-        push_s: Span = Span::Uniform([2.0, 10.0]), "s", within(0.0, 1e4);
+        push_s: Distribution = Distribution::Uniform([2.0, 10.0]), "s", within(0.0, 1e4);
         /// Duration of the push.
-        push_duration_s: Span = Span::Fixed(0.15), "s", within(0.0, 100.0);
+        push_duration_s: Distribution = Distribution::Fixed(0.15), "s", within(0.0, 100.0);
         /// Phase of the residual step, in expected cycles from its heel strike, at which the push begins, the first time from `push_s` on; negative for `push_s` itself.
-        push_phase: Span = Span::Fixed(-1.0), "1", within(-1.0, LATEST_PHASE);
+        push_phase: Distribution = Distribution::Fixed(-1.0), "1", within(-1.0, LATEST_PHASE);
         /// List of {time_s, duration_s, force_x_n, force_y_n, phase}; if not empty, these pushes in place of the drawn one.
         pushes: ListedPushes = ListedPushes::default(), "", ANY;
         /// Intent and speed over time, a list of {time_s, speed_m_s, walk}; if not empty, in place of the drawn ones. Speed is linear between knots, a step where two share a time.
         profile: Profile = Profile::default(), "", ANY;
+        /// Parameters that every episode draws anew, by their dotted paths: numbers of the sections body, ground, human, knee, motor, friction_knee, end_stop, ankle, socket, tube and sensors.
+        randomise: Randomised = Randomised::default(), "", ANY;
+        /// Sets of parameters of which every episode draws one with equal odds, such as bodies.
+        variants: Variants = Variants::default(), "", ANY;
     } sections {
         gust: GustParams,
         human: HumanVariationParams,
@@ -78,12 +84,21 @@ pub struct Episode {
     pub disturbance: Disturbance,
     /// What the human does otherwise than the paper's.
     pub human: HumanVariation,
+    /// Parameters of the walker, where episodes draw them.
+    pub drawn: Option<Drawn>,
 }
 
 impl Episode {
     /// An episode without disturbances, of the paper's human and with a given start and intent.
     pub fn undisturbed(start: Start, profile: Profile) -> Self {
-        Self { start, profile, sensor_seed: 0, disturbance: Disturbance::default(), human: HumanVariation::default() }
+        Self {
+            start,
+            profile,
+            sensor_seed: 0,
+            disturbance: Disturbance::default(),
+            human: HumanVariation::default(),
+            drawn: None,
+        }
     }
 }
 
@@ -93,22 +108,28 @@ impl ScenarioParams {
         samples(self.duration_s)
     }
 
-    /// Draws an episode. Always takes the same number of random values, whatever the parameters.
-    pub fn draw(&self, random: &mut impl Rng) -> Episode {
+    /// Draws an episode. Always takes the same random values, whatever the parameters.
+    ///
+    /// `difficulty` in [0, 1] scales pushes and gusts, and eases speeds towards the middle of their range, variations of the
+    /// human towards the paper's, and parameters of the walker towards the configured ones.
+    pub fn draw(&self, random: &mut impl Rng, difficulty: f64, randomiser: Option<&Randomiser>) -> Episode {
         let mut fraction = || random.random::<f64>();
         let coin = fraction();
-        let speeds = [self.speed_m_s.at(fraction()), self.speed_m_s.at(fraction())];
+        let [slowest, fastest] = self.speed_m_s.bounds();
+        let mut speed = || eased(0.5 * (slowest + fastest), self.speed_m_s.at(fraction()), difficulty);
+        let speeds = [speed(), speed()];
         let change_s = self.speed_change_s.at(fraction());
         let walk_s = self.walk_s.at(fraction());
-        let push_n = self.push_n.at(fraction());
+        let push_n = eased(0.0, self.push_n.at(fraction()), difficulty);
         let push_sign = if fraction() < 0.5 { -1.0 } else { 1.0 };
         let push_s = self.push_s.at(fraction());
         let push_duration_s = self.push_duration_s.at(fraction());
         // Draws that this list has gained stand at its end: the episodes of a seed stay what they were.
         let sensor_seed = random.next_u64();
         let push_phase = self.push_phase.at(random.random::<f64>());
-        let gusts = Gusts::new(&self.gust, random.next_u64());
-        let human = self.human.at(|| random.random::<f64>());
+        let gusts = Gusts::new(&self.gust, random.next_u64(), difficulty);
+        let human = self.human.at(|| random.random::<f64>()).eased(difficulty);
+        let drawn = randomiser.map(|randomiser| randomiser.draw(random, difficulty));
 
         let start = match self.start {
             StartChoice::Standing => Start::Standing,
@@ -130,9 +151,9 @@ impl ScenarioParams {
             let force = TrunkPush { x: push_sign * push_n, y: 0.0 };
             vec![Push::new(force, push_s, push_duration_s, Some(push_phase).filter(|&phase| phase >= 0.0))]
         } else {
-            self.pushes.pushes.iter().map(Push::from).collect()
+            self.pushes.pushes.iter().map(|push| Push::scaled(push, difficulty)).collect()
         };
-        Episode { start, profile, sensor_seed, disturbance: Disturbance { pushes, gusts }, human }
+        Episode { start, profile, sensor_seed, disturbance: Disturbance { pushes, gusts }, human, drawn }
     }
 }
 
@@ -154,7 +175,8 @@ mod tests {
     #[test]
     fn draws_stay_in_their_distributions_and_differ_between_streams() {
         let params = ScenarioParams::default();
-        let episodes: Vec<_> = (0..200).map(|stream| params.draw(&mut rand_pcg::Pcg64::new(1, stream))).collect();
+        let episodes: Vec<_> =
+            (0..200).map(|stream| params.draw(&mut rand_pcg::Pcg64::new(1, stream), 1.0, None)).collect();
         for episode in &episodes {
             assert!(episode.profile.knots.iter().all(|knot| (0.8..=1.5).contains(&knot.speed_m_s)));
             let push = episode.disturbance.pushes[0];

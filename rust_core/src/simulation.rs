@@ -10,20 +10,21 @@
 use std::ops::Deref;
 
 use crate::config::{Config, SolverParams};
+use crate::disturbance::Progress;
 use crate::energy_meter::EnergyMeter;
-use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, Walkers};
+use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, WalkerMemory, WalkerState, Walkers};
 use crate::integrator::{self, HybridFlow, Workspace};
 use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
 use crate::scenario::Episode;
-use crate::sensors::{self, Sensors};
-use crate::signals::{CONTROL_PERIOD_S, Measurand, MeasurandLanes, ReadingsLanes};
+use crate::sensors::{self, SensorMemory, Sensors};
+use crate::signals::{CONTROL_PERIOD_S, Measurand, MeasurandLanes, Readings, ReadingsLanes};
 
 /// Constants of the closed loop of a block of walkers. Blocks of equal walkers share one.
 #[derive(Clone, Debug)]
 pub struct Model<const L: usize> {
     /// Human, mechanism, ground and device.
     pub plant: human_prosthesis::Model<L>,
-    sensors: sensors::Model,
+    sensors: sensors::Model<L>,
     reference: ReferenceParams,
     solver: SolverParams,
 }
@@ -37,6 +38,13 @@ impl<const L: usize> Model<L> {
             reference: ReferenceParams::from(config),
             solver: config.solver,
         }
+    }
+
+    /// Gives the walker in `lane` parameters of its own, which must make a walker of the same kind; `uneven` if any
+    /// walker of the batch may meet uneven ground.
+    pub fn set(&mut self, lane: usize, config: &Config, uneven: bool) {
+        self.plant.set(lane, config, uneven);
+        self.sensors.set(lane, &config.sensors);
     }
 }
 
@@ -58,6 +66,19 @@ pub struct Simulation<const L: usize> {
     /// Control periods since the start of the trial.
     pub sample: [u64; L],
     episode: [Option<Episode>; L],
+}
+
+/// One walker between two control periods, but for what its episode says.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct SavedWalker {
+    state: WalkerState,
+    memory: WalkerMemory,
+    sensors: SensorMemory,
+    readings: Readings,
+    state_machine: ReferenceController,
+    state_machine_command: f64,
+    sample: u64,
+    disturbance: Progress,
 }
 
 /// Storage that one control period needs: threads share it among their blocks, which keeps those small. Nothing in it lasts.
@@ -110,7 +131,7 @@ impl<const L: usize> Simulation<L> {
         Self {
             state: model.plant.state(),
             walkers: Walkers::default(),
-            sensors: Sensors::new(&model.sensors),
+            sensors: Sensors::default(),
             readings: ReadingsLanes::default(),
             state_machine: [model.reference.start(); L],
             state_machine_command: [0.0; L],
@@ -129,6 +150,40 @@ impl<const L: usize> Simulation<L> {
         self.state_machine[lane] = model.reference.start();
         self.sample[lane] = 0;
         self.episode[lane] = Some(episode);
+    }
+
+    /// The walker in `lane`; `None` before its first episode.
+    pub fn save(&self, lane: usize) -> Option<SavedWalker> {
+        Some(SavedWalker {
+            state: self.state.get(lane),
+            memory: self.walkers.get(lane),
+            sensors: self.sensors.get(lane),
+            readings: self.readings.get(lane),
+            state_machine: self.state_machine[lane],
+            state_machine_command: self.state_machine_command[lane],
+            sample: self.sample[lane],
+            disturbance: self.episode[lane].as_ref()?.disturbance.progress(),
+        })
+    }
+
+    /// Puts a walker in `lane` where another one of the same `episode` was.
+    pub fn restore(
+        &mut self,
+        model: &Model<L>,
+        lane: usize,
+        mut episode: Episode,
+        saved: &SavedWalker,
+        scratch: &mut Scratch<L>,
+    ) {
+        episode.disturbance.resume(&saved.disturbance);
+        self.start(model, lane, episode, scratch);
+        self.state.set(lane, &saved.state);
+        self.walkers.set(&model.plant, lane, &saved.memory);
+        self.sensors.set(lane, &saved.sensors);
+        self.readings.set(lane, saved.readings);
+        self.state_machine[lane] = saved.state_machine;
+        self.state_machine_command[lane] = saved.state_machine_command;
+        self.sample[lane] = saved.sample;
     }
 
     /// The human-prosthesis system and its state.
@@ -267,11 +322,11 @@ impl<const L: usize> Simulation<L> {
 
 /// True quantities at the places of the sensors.
 #[inline(always)]
-fn measurand<const L: usize>(plant: &Evaluated<'_, L>, sensors: &sensors::Model, lane: usize) -> Measurand {
+fn measurand<const L: usize>(plant: &Evaluated<'_, L>, sensors: &sensors::Model<L>, lane: usize) -> Measurand {
     let motion = plant.motion(lane);
     let reactions = plant.reactions(lane);
     let mass = plant.body(lane).mass;
-    let [thigh_imu, shank_imu] = sensors.imu;
+    let [thigh_imu, shank_imu] = sensors.imu(lane);
     let [thigh_force, shank_force] = plant.specific_forces(lane, thigh_imu, shank_imu);
     let rotor = plant.rotor(lane);
     Measurand {

@@ -40,8 +40,8 @@ pub const REASONS: [&str; 5] = ["none", "hip_height", "joint_limit", "non_finite
 lanes! {
     /// What termination looks at.
     pub struct Posture, PostureLanes {
-        /// Hip height above ground, m.
-        hip_height: f64,
+        /// Hip height above that which counts as a fall, m.
+        hip_clearance: f64,
         /// Knee flexion, rad.
         knee_flexion: f64,
         /// Ankle angle from rest, rad.
@@ -72,12 +72,12 @@ impl TerminationParams {
     /// Whether the posture is beyond a limit, or diverged.
     #[inline(always)]
     pub fn ends(&self, posture: &Posture) -> bool {
-        Self::diverged(posture) | self.falls(posture) | self.over_bends(posture)
+        Self::diverged(posture) | Self::falls(posture) | self.over_bends(posture)
     }
 
     #[inline(always)]
-    fn falls(&self, posture: &Posture) -> bool {
-        posture.hip_height < self.hip_height_m
+    fn falls(posture: &Posture) -> bool {
+        posture.hip_clearance < 0.0
     }
 
     #[inline(always)]
@@ -91,7 +91,7 @@ impl TerminationParams {
     pub fn reason(&self, posture: &Posture) -> Reason {
         if Self::diverged(posture) {
             Reason::NonFinite
-        } else if self.falls(posture) {
+        } else if Self::falls(posture) {
             Reason::HipHeight
         } else if self.over_bends(posture) {
             Reason::JointLimit

@@ -5,7 +5,7 @@ use crate::lanes::lanes;
 use crate::signals::GRAVITY;
 
 /// What the residual leg is doing (ReStand, ReStepStart, ...).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[repr(u8)]
 pub enum ResidualState {
     /// Standing on both legs.
@@ -20,7 +20,7 @@ pub enum ResidualState {
 }
 
 /// What the intact leg is doing (HeSwing, HeStance, ...).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[repr(u8)]
 pub enum IntactState {
     /// Standing on both legs.
@@ -35,7 +35,7 @@ pub enum IntactState {
 }
 
 /// Memory of the human between steps (section 4; symbols of section 4.1 to 4.3).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Memory {
     /// State of the residual leg.
     pub residual: ResidualState,

@@ -3,8 +3,9 @@
 //! Every variation is a number whose default changes nothing, bit for bit. Changes of parameters and factors on them act
 //! through [`HumanParams::varied`]; the formulas read the others where they apply.
 
+use crate::distribution::Distribution;
 use crate::human_controller::HumanParams;
-use crate::params::{Span, params, within};
+use crate::params::{params, within};
 
 /// Makes of one list the parameters, the numbers drawn from them, and the draw itself.
 macro_rules! variations {
@@ -12,7 +13,7 @@ macro_rules! variations {
         params! {
             /// Distributions of the human's variations; the defaults are the paper's human.
             pub struct HumanVariationParams {
-                $($(#[doc = $doc])* $field: Span = Span::Fixed($paper), $unit, $range;)+
+                $($(#[doc = $doc])* $field: Distribution = Distribution::Fixed($paper), $unit, $range;)+
             }
         }
 
@@ -30,6 +31,11 @@ macro_rules! variations {
         impl HumanVariation {
             /// Names of the variations, in the order of [`values`](Self::values).
             pub const NAMES: &[&str] = &[$(stringify!($field)),+];
+
+            /// So much of the way from the paper's human: none at `difficulty` 0, all at 1.
+            pub fn eased(&self, difficulty: f64) -> Self {
+                Self { $($field: crate::randomisation::eased($paper, self.$field, difficulty),)+ }
+            }
 
             /// The variations as numbers.
             pub fn values(&self) -> [f64; Self::NAMES.len()] { [$(self.$field),+] }
@@ -108,8 +114,8 @@ mod tests {
     #[test]
     fn every_variation_is_drawn_for_itself() {
         let params = HumanVariationParams {
-            hip_lift_m: Span::Uniform([0.0, 0.02]),
-            thrust_adaptation_factor: Span::Uniform([0.5, 1.5]),
+            hip_lift_m: Distribution::Uniform([0.0, 0.02]),
+            thrust_adaptation_factor: Distribution::Uniform([0.5, 1.5]),
             ..HumanVariationParams::default()
         };
         let mut draws = 0;

@@ -54,31 +54,31 @@ impl<const L: usize> GeneralSignals<L> {
 impl<const L: usize> GeneralModel<L> {
     /// The general walkers that the configuration asks for; `None` if they are the usual ones.
     pub fn new(config: &Config, mass: f64) -> Option<Box<Self>> {
-        let layout = Layout {
-            trunk_forward: config.mechanism.trunk == JointDrive::Forward,
-            hip_forward: config.mechanism.hip == JointDrive::Forward,
-            socket: (config.socket.connection == Connection::Compliant).then_some(config.socket.place),
-            tube_forward: config.tube.connection == Connection::Compliant,
-        };
+        let (layout, sole) = (layout(config), config.body.sole_points - 2);
         let usual = Layout { trunk_forward: false, hip_forward: true, socket: None, tube_forward: false };
-        let sole = config.body.sole_points - 2;
         if layout == usual && sole == 0 {
             return None;
         }
-        let walker = GeneralWalker::new(&config.body, &layout).expect("segments within their ranges make a chain");
-        let body = &config.body;
-        let tube = layout.tube_forward.then(|| tube(&config.tube, body.foot_mass_kg, body.foot_inertia_about_tube()));
+        let walker = walker(config, &layout);
         Some(Box::new(Self {
             more: walker.points() - CONTACT_POINTS,
             walkers: vec![walker; L],
             socket: [socket(&config.socket, mass); L],
-            tube: [tube; L],
+            tube: [tube_of(config, &layout); L],
             trunk_forward: layout.trunk_forward,
             hip_forward: layout.hip_forward,
             sole,
             rear: sole / 2,
             sole_share: 2.0 / config.body.sole_points as f64,
         }))
+    }
+
+    /// Gives the walker in `lane` parameters of its own, with the same joints and contact points.
+    pub fn set(&mut self, lane: usize, config: &Config, mass: f64) {
+        let layout = layout(config);
+        self.walkers[lane] = walker(config, &layout);
+        self.socket[lane] = socket(&config.socket, mass);
+        self.tube[lane] = tube_of(config, &layout);
     }
 
     /// State of walkers like these, at rest.
@@ -98,6 +98,24 @@ impl<const L: usize> GeneralModel<L> {
         let sum = |contacts: &[ContactLanes<L>]| contacts.iter().map(|contact| contact.normal[lane]).sum();
         [sum(&signals.contacts[..self.rear]), sum(&signals.contacts[self.rear..self.sole])]
     }
+}
+
+fn layout(config: &Config) -> Layout {
+    Layout {
+        trunk_forward: config.mechanism.trunk == JointDrive::Forward,
+        hip_forward: config.mechanism.hip == JointDrive::Forward,
+        socket: (config.socket.connection == Connection::Compliant).then_some(config.socket.place),
+        tube_forward: config.tube.connection == Connection::Compliant,
+    }
+}
+
+fn walker(config: &Config, layout: &Layout) -> GeneralWalker {
+    GeneralWalker::new(&config.body, layout).expect("segments within their ranges make a chain")
+}
+
+fn tube_of(config: &Config, layout: &Layout) -> Option<[SpringDamper; 2]> {
+    let body = &config.body;
+    layout.tube_forward.then(|| tube(&config.tube, body.foot_mass_kg, body.foot_inertia_about_tube()))
 }
 
 fn springs([first, second]: [SpringDamper; 2]) -> [(f64, f64); 2] {

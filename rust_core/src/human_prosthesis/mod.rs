@@ -22,9 +22,9 @@ pub use evaluation::Signals;
 pub use model::Model;
 pub use outputs::{Evaluated, POWERS, SpecificForce};
 pub use start::Start;
-pub use state::{GeneralState, Rest, RestLanes, State};
+pub use state::{GeneralState, Rest, RestLanes, State, WalkerState};
 pub use torques::{DeviceTorque, DeviceTorqueLanes};
-pub use walkers::Walkers;
+pub use walkers::{WalkerMemory, Walkers};
 
 use crate::human_controller::gait_fsm::{self, Percept};
 use crate::human_controller::reference::{self, Reference};

@@ -53,6 +53,25 @@ impl<const L: usize> Model<L> {
         }
     }
 
+    /// Gives the walker in `lane` parameters of its own, which must make a walker of the same kind. From then on the block's
+    /// ground counts as uneven, even where it is not, so that no lane's path through the code depends on its neighbours.
+    pub fn set(&mut self, lane: usize, config: &Config, uneven: bool) {
+        let body = Body::from(&config.body);
+        self.body.set(lane, body);
+        self.ground.set(lane, Ground::from(&config.ground));
+        self.terrain.set(lane, Terrain::from(&config.ground));
+        self.level &= !uneven;
+        self.human.set(lane, human(&body, &config.human));
+        self.unit.set(lane, config);
+        self.end_stop.set(lane, EndStop::from(&config.end_stop));
+        self.ankle.set(lane, Ankle::from(&config.ankle));
+        self.human_params[lane].clone_from(&config.human);
+        self.sole[lane] = config.body.sole();
+        if let Some(general) = &mut self.general {
+            general.set(lane, config, body.mass);
+        }
+    }
+
     /// A state for walkers like these; [`HumanProsthesis::start`](super::HumanProsthesis::start) sets it.
     pub fn state(&self) -> State<L> {
         let general = self.general.as_ref().map(|general| Box::new(general.state()));

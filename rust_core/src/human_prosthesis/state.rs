@@ -1,11 +1,11 @@
 //! Continuous state of the human-prosthesis system.
 
-use crate::human_controller::reference::ReferenceLanes;
-use crate::hybrid_dynamics::general_walker::DeflectionLanes;
-use crate::hybrid_dynamics::walker::MotionLanes;
+use crate::human_controller::reference::{Reference, ReferenceLanes};
+use crate::hybrid_dynamics::general_walker::{Deflection, DeflectionLanes};
+use crate::hybrid_dynamics::walker::{Motion, MotionLanes};
 use crate::integrator::StateVector;
 use crate::lanes::{integrable, lanes};
-use crate::prosthesis_device::geared_motor::RotorLanes;
+use crate::prosthesis_device::geared_motor::{Rotor, RotorLanes};
 
 /// Continuous state.
 #[derive(Clone, Debug, Default)]
@@ -40,6 +40,17 @@ lanes! {
     }
 }
 integrable!(RestLanes { time, heel, ball, knee, hip });
+
+/// Continuous state of one walker.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct WalkerState {
+    motion: Motion,
+    reference: Reference,
+    rest: Rest,
+    rotor: Rotor,
+    /// Deflections, their rates and deformations of a general walker.
+    general: Option<(Deflection, Deflection, Vec<f64>)>,
+}
 
 /// State of a general walker beyond the usual one's.
 #[derive(Clone, Debug, Default)]
@@ -80,6 +91,36 @@ impl<const L: usize> StateVector<L> for State<L> {
 }
 
 impl<const L: usize> State<L> {
+    /// The walker in `lane`.
+    pub fn get(&self, lane: usize) -> WalkerState {
+        let general = self.general.as_ref().map(|general| {
+            let deformation = general.deformation.iter().map(|column| column[lane]).collect();
+            (general.deflection.get(lane), general.deflection_rate.get(lane), deformation)
+        });
+        WalkerState {
+            motion: self.motion.get(lane),
+            reference: self.reference.get(lane),
+            rest: self.rest.get(lane),
+            rotor: self.rotor.get(lane),
+            general,
+        }
+    }
+
+    /// Replaces the walker in `lane` by one of the same kind.
+    pub fn set(&mut self, lane: usize, walker: &WalkerState) {
+        self.motion.set(lane, walker.motion);
+        self.reference.set(lane, walker.reference);
+        self.rest.set(lane, walker.rest);
+        self.rotor.set(lane, walker.rotor);
+        if let (Some(general), Some((deflection, rate, deformation))) = (&mut self.general, &walker.general) {
+            general.deflection.set(lane, *deflection);
+            general.deflection_rate.set(lane, *rate);
+            for (column, &value) in general.deformation.iter_mut().zip(deformation) {
+                column[lane] = value;
+            }
+        }
+    }
+
     /// Sum of all state variables of a lane: finite only if all of them are.
     #[inline(always)]
     pub fn checksum(&self, lane: usize) -> f64 {

@@ -49,7 +49,41 @@ impl<const L: usize> Default for Walkers<L> {
     }
 }
 
+/// Inputs and discrete state of one walker. Its profile and individual belong to its episode; the rest follows from these.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct WalkerMemory {
+    command: f64,
+    push: [f64; 2],
+    intent: f64,
+    direction: f64,
+    extension_stop_peak: f64,
+    human: Memory,
+}
+
 impl<const L: usize> Walkers<L> {
+    /// The walker in `lane`.
+    pub fn get(&self, lane: usize) -> WalkerMemory {
+        WalkerMemory {
+            command: self.command[lane],
+            push: [self.push_x[lane], self.push_y[lane]],
+            intent: self.intent[lane],
+            direction: self.direction[lane],
+            extension_stop_peak: self.extension_stop_peak[lane],
+            human: self.memory[lane],
+        }
+    }
+
+    /// Puts the walker in `lane`, who has started the same episode, where `walker` was.
+    pub fn set(&mut self, model: &Model<L>, lane: usize, walker: &WalkerMemory) {
+        self.command[lane] = walker.command;
+        [self.push_x[lane], self.push_y[lane]] = walker.push;
+        self.intent[lane] = walker.intent;
+        self.direction[lane] = walker.direction;
+        self.extension_stop_peak[lane] = walker.extension_stop_peak;
+        self.memory[lane] = walker.human;
+        self.refresh_drive(model, lane);
+    }
+
     /// Memory of the human in `lane`.
     pub fn memory(&self, lane: usize) -> &Memory {
         &self.memory[lane]

@@ -45,7 +45,7 @@ pub enum Phase {
 }
 
 /// State of the machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DamperFsm {
     /// Current phase.
     pub phase: Phase,

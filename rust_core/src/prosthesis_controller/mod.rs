@@ -43,7 +43,7 @@ impl ReferenceParams {
 }
 
 /// Reference controller of one walker.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
 pub enum ReferenceController {
     /// Figure 6.
     Damper(DamperFsm),

@@ -43,7 +43,7 @@ params! {
 }
 
 /// State of the machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct MotorFsm {
     /// Current phase.
     pub phase: Phase,

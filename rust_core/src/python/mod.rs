@@ -5,7 +5,7 @@ mod dynamics;
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use serde::de::DeserializeOwned;
 
 use crate::batch::Batch;
@@ -17,6 +17,7 @@ use crate::human_controller::intent::Knot;
 use crate::human_controller::variation::HumanVariation;
 use crate::params::{above, within};
 use crate::prosthesis_controller::agent;
+use crate::randomisation::Drawn;
 use crate::recorder::COLUMNS;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
@@ -230,10 +231,34 @@ impl PyBatch {
         columns.set_item("last_speed_m_s", column(&|e| speed(e.profile.knots.last())))?;
         columns.set_item("push_n", column(&|e| e.disturbance.pushes.first().map_or(0.0, |push| push.force.x)))?;
         columns.set_item("push_s", column(&|e| e.disturbance.pushes.first().map_or(f64::NAN, Push::earliest_s)))?;
+        let drawn = |value: &dyn Fn(&Drawn) -> f64| column(&|e| e.drawn.as_ref().map_or(f64::NAN, value));
+        for (i, key) in self.batch.randomised().enumerate() {
+            columns.set_item(key, drawn(&|drawn| drawn.numbers[i]))?;
+        }
+        columns.set_item("variant", drawn(&|drawn| drawn.variant.map_or(-1.0, |variant| variant as f64)))?;
         for (i, name) in HumanVariation::NAMES.iter().enumerate() {
             columns.set_item(name, column(&|e| e.human.values()[i]))?;
         }
         Ok(columns)
+    }
+
+    /// Share of disturbances and randomisation that episodes have from their next start on.
+    #[getter]
+    fn difficulty(&self) -> f64 {
+        self.batch.difficulty()
+    }
+
+    #[setter]
+    fn set_difficulty(&mut self, difficulty: f64) -> PyResult<()> {
+        Ok(self.batch.set_difficulty(difficulty)?)
+    }
+
+    fn get_state<'py>(&self, py: Python<'py>, indices: Vec<usize>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.batch.save(&indices)?))
+    }
+
+    fn set_state(&mut self, state: &[u8], indices: Vec<usize>) -> PyResult<()> {
+        Ok(self.batch.restore(&indices, state)?)
     }
 
     fn record(&mut self, index: usize) -> PyResult<()> {

@@ -1,19 +1,41 @@
 //! One quantity on its way from transducer to controller: bias, noise, resolution, saturation, delay, drop-out.
 //!
-//! The options are the same for all walkers, so each stage is a branch around a lane loop: an ideal channel is the same
-//! code with every stage skipped.
+//! Each stage is a branch around a lane loop, taken if any lane has that imperfection: an ideal channel is the same code with
+//! every stage skipped, and an ideal lane passes its value on.
 
 use super::noise::{self, Use};
-use super::params::Imperfections;
+use super::params::{Imperfections, ImperfectionsLanes};
 use crate::math::{clamp, select};
 
-/// Which channel it is, and what is wrong with it.
-#[derive(Clone, Copy, Debug)]
-pub struct Kind<'a> {
+/// Constants of a channel of a block of walkers.
+#[derive(Clone, Debug)]
+pub struct Kind<const L: usize> {
     /// Number among the channels, for its noise.
-    pub index: usize,
-    /// Its imperfections.
-    pub imperfections: &'a Imperfections,
+    index: usize,
+    imperfections: ImperfectionsLanes<L>,
+    /// Largest of every imperfection over the lanes.
+    worst: Imperfections,
+}
+
+impl<const L: usize> Kind<L> {
+    /// Channel number `index`, the same for all walkers.
+    pub fn new(index: usize, imperfections: Imperfections) -> Self {
+        Self { index, imperfections: ImperfectionsLanes::splat(imperfections), worst: imperfections }
+    }
+
+    /// Gives the walker in `lane` a channel of its own.
+    pub fn set(&mut self, lane: usize, imperfections: Imperfections) {
+        self.imperfections.set(lane, imperfections);
+        let largest = |column: &[f64; L]| column.iter().copied().fold(0.0, f64::max);
+        self.worst = Imperfections {
+            resolution: largest(&self.imperfections.resolution),
+            noise: largest(&self.imperfections.noise),
+            bias: largest(&self.imperfections.bias),
+            delay_samples: self.imperfections.delay_samples.iter().copied().max().unwrap_or(0),
+            drop_out: largest(&self.imperfections.drop_out),
+            saturation: largest(&self.imperfections.saturation),
+        };
+    }
 }
 
 /// What a channel of a block of walkers keeps between samples.
@@ -23,28 +45,30 @@ pub struct Channel<const L: usize> {
     bias: [f64; L],
     /// Digitised samples under way, a ring; empty without delay.
     line: Vec<[f64; L]>,
-    /// Oldest entry of the ring.
-    oldest: usize,
+    /// Entry of the newest sample.
+    newest: usize,
+}
+
+impl<const L: usize> Default for Channel<L> {
+    fn default() -> Self {
+        Self { bias: [0.0; L], line: Vec::new(), newest: 0 }
+    }
 }
 
 impl<const L: usize> Channel<L> {
-    /// A channel with the given imperfections.
-    pub fn new(imperfections: &Imperfections) -> Self {
-        Self { bias: [0.0; L], line: vec![[0.0; L]; imperfections.delay_samples], oldest: 0 }
-    }
-
     /// First sample of the lanes that have just been started: it counts as having been there all the time before.
     pub fn start(
         &mut self,
-        kind: &Kind<'_>,
+        kind: &Kind<L>,
         seed: &[u64; L],
         truth: &[f64; L],
         started: &[bool; L],
         reading: &mut [f64; L],
     ) {
+        self.make_room(kind.worst.delay_samples);
         for lane in (0..L).filter(|&lane| started[lane]) {
             let bits = noise::bits(seed[lane], 0, kind.index, Use::Bias);
-            self.bias[lane] = kind.imperfections.bias * noise::normal(bits);
+            self.bias[lane] = kind.imperfections.bias[lane] * noise::normal(bits);
         }
         let value = self.digitise(kind, seed, &[0; L], truth);
         for lane in (0..L).filter(|&lane| started[lane]) {
@@ -53,25 +77,61 @@ impl<const L: usize> Channel<L> {
         }
     }
 
+    /// Lengthens the line for a delay of so many samples; what it cannot know yet is not under way to anybody.
+    fn make_room(&mut self, delay: usize) {
+        let (length, now) = (if delay > 0 { delay + 1 } else { 0 }, self.line.len());
+        if length > now {
+            // Newest sample first.
+            let kept = (0..now).map(|age| self.line[(self.newest + now - age) % now]);
+            let mut line: Vec<_> = kept.collect();
+            line.resize(length, [0.0; L]);
+            line.reverse();
+            (self.line, self.newest) = (line, length - 1);
+        }
+    }
+
+    /// Sample of `lane` that is so old, oldest first known.
+    fn aged(&self, lane: usize, age: usize) -> f64 {
+        self.line[(self.newest + self.line.len() - age) % self.line.len()][lane]
+    }
+
+    /// What `lane` of the channel remembers: its bias, and its samples under way, newest first.
+    pub fn memory(&self, lane: usize) -> (f64, Vec<f64>) {
+        (self.bias[lane], (0..self.line.len()).map(|age| self.aged(lane, age)).collect())
+    }
+
+    /// Puts back what [`memory`](Self::memory) has given.
+    pub fn remember(&mut self, lane: usize, (bias, samples): &(f64, Vec<f64>)) {
+        self.make_room(samples.len().saturating_sub(1));
+        self.bias[lane] = *bias;
+        let length = self.line.len();
+        for (age, &sample) in samples.iter().enumerate() {
+            self.line[(self.newest + length - age) % length][lane] = sample;
+        }
+    }
+
     /// Replaces the last reading by that of a new sample.
     #[inline(always)]
     pub fn sample(
         &mut self,
-        kind: &Kind<'_>,
+        kind: &Kind<L>,
         seed: &[u64; L],
         sample: &[u64; L],
         truth: &[f64; L],
         reading: &mut [f64; L],
     ) {
         let mut value = self.digitise(kind, seed, sample, truth);
-        if kind.imperfections.delay_samples > 0 {
-            std::mem::swap(&mut value, &mut self.line[self.oldest]);
-            self.oldest = (self.oldest + 1) % self.line.len();
-        }
-        let drop_out = kind.imperfections.drop_out;
-        if drop_out > 0.0 {
+        if kind.worst.delay_samples > 0 {
+            self.newest = (self.newest + 1) % self.line.len();
+            self.line[self.newest] = value;
             for lane in 0..L {
-                let lost = noise::uniform(noise::bits(seed[lane], sample[lane], kind.index, Use::DropOut)) < drop_out;
+                value[lane] = self.aged(lane, kind.imperfections.delay_samples[lane]);
+            }
+        }
+        if kind.worst.drop_out > 0.0 {
+            for lane in 0..L {
+                let bits = noise::bits(seed[lane], sample[lane], kind.index, Use::DropOut);
+                let lost = noise::uniform(bits) < kind.imperfections.drop_out[lane];
                 value[lane] = select(lost, reading[lane], value[lane]);
             }
         }
@@ -80,28 +140,32 @@ impl<const L: usize> Channel<L> {
 
     /// What transducer and converter make of the truth.
     #[inline(always)]
-    fn digitise(&self, kind: &Kind<'_>, seed: &[u64; L], sample: &[u64; L], truth: &[f64; L]) -> [f64; L] {
-        let Imperfections { noise, bias, resolution, saturation, .. } = *kind.imperfections;
+    fn digitise(&self, kind: &Kind<L>, seed: &[u64; L], sample: &[u64; L], truth: &[f64; L]) -> [f64; L] {
+        let Kind { imperfections: of, worst, .. } = kind;
         let mut value = *truth;
-        if bias > 0.0 {
+        if worst.bias > 0.0 {
             for lane in 0..L {
-                value[lane] += self.bias[lane];
+                value[lane] = select(of.bias[lane] > 0.0, value[lane] + self.bias[lane], value[lane]);
             }
         }
-        if noise > 0.0 {
+        if worst.noise > 0.0 {
             for lane in 0..L {
                 let bits = noise::bits(seed[lane], sample[lane], kind.index, Use::Noise);
-                value[lane] += noise * noise::normal(bits);
+                let noisy = value[lane] + of.noise[lane] * noise::normal(bits);
+                value[lane] = select(of.noise[lane] > 0.0, noisy, value[lane]);
             }
         }
-        if resolution > 0.0 {
+        if worst.resolution > 0.0 {
             for lane in 0..L {
-                value[lane] = (value[lane] / resolution).round_ties_even() * resolution;
+                let step = of.resolution[lane];
+                let rounded = (value[lane] / step).round_ties_even() * step;
+                value[lane] = select(step > 0.0, rounded, value[lane]);
             }
         }
-        if saturation > 0.0 {
+        if worst.saturation > 0.0 {
             for lane in 0..L {
-                value[lane] = clamp(value[lane], -saturation, saturation);
+                let limit = of.saturation[lane];
+                value[lane] = select(limit > 0.0, clamp(value[lane], -limit, limit), value[lane]);
             }
         }
         value
@@ -116,7 +180,7 @@ mod tests {
 
     /// Readings of `truth` over an episode in the second of two lanes.
     fn episode(imperfections: Imperfections, seed: u64, samples: u64, truth: impl Fn(u64) -> f64) -> Vec<f64> {
-        let (kind, mut channel) = (Kind { index: 5, imperfections: &imperfections }, Channel::<2>::new(&imperfections));
+        let (kind, mut channel) = (Kind::new(5, imperfections), Channel::<2>::default());
         let mut reading = [0.0; 2];
         channel.start(&kind, &[1, seed], &[9.0, truth(0)], &[false, true], &mut reading);
         let mut readings = vec![reading[1]];
@@ -204,7 +268,7 @@ mod tests {
     fn a_lane_that_starts_leaves_the_samples_of_its_neighbours_alone() {
         let imperfections = Imperfections { delay_samples: 2, noise: 0.1, bias: 0.1, ..Imperfections::default() };
         let undisturbed = episode(imperfections, 3, 20, |sample| sample as f64);
-        let (kind, mut channel) = (Kind { index: 5, imperfections: &imperfections }, Channel::<2>::new(&imperfections));
+        let (kind, mut channel) = (Kind::new(5, imperfections), Channel::<2>::default());
         let mut reading = [0.0; 2];
         channel.start(&kind, &[1, 3], &[0.0, 0.0], &[true; 2], &mut reading);
         for sample in 1..20 {

@@ -3,7 +3,7 @@
 //! Knee speed and rate of the ankle moment are computed from readings, so they inherit the imperfections of those.
 
 mod channel;
-mod noise;
+pub(crate) mod noise;
 pub mod params;
 
 use crate::lanes::lanes;
@@ -51,11 +51,14 @@ channels! {
     motor_current: motor_current,
 }
 
-/// First-order Butterworth low-pass by the bilinear transform, y = decay y + gain (x + x_previous), on a backward difference.
-#[derive(Clone, Copy, Debug)]
-struct FilteredRate {
-    decay: f64,
-    gain: f64,
+lanes! {
+    /// First-order Butterworth low-pass by the bilinear transform, y = decay y + gain (x + x_previous), on a backward difference.
+    pub struct FilteredRate, FilteredRateLanes {
+        /// Of the last filtered rate.
+        decay: f64,
+        /// Of the last two differences.
+        gain: f64,
+    }
 }
 
 impl FilteredRate {
@@ -84,30 +87,57 @@ lanes! {
     }
 }
 
-/// Constants of the sensors.
+/// Constants of the sensors of a block of walkers.
 #[derive(Clone, Debug)]
-pub struct Model {
-    /// Inertial sensors of thigh and shank below hip and knee, m.
-    pub imu: [f64; 2],
-    imperfections: [Imperfections; CHANNELS],
-    knee_filter: FilteredRate,
-    ankle_filter: FilteredRate,
+pub struct Model<const L: usize> {
+    imu: ImuLanes<L>,
+    channels: [Kind<L>; CHANNELS],
+    knee_filter: FilteredRateLanes<L>,
+    ankle_filter: FilteredRateLanes<L>,
 }
 
-impl Model {
-    /// Sensors with the given parameters.
+lanes! {
+    /// Places of the inertial sensors.
+    pub struct Imu, ImuLanes {
+        /// Below the hip, m.
+        thigh: f64,
+        /// Below the knee, m.
+        shank: f64,
+    }
+}
+
+impl From<&SensorParams> for Imu {
+    fn from(params: &SensorParams) -> Self {
+        Self { thigh: params.thigh_imu_m, shank: params.shank_imu_m }
+    }
+}
+
+impl<const L: usize> Model<L> {
+    /// Sensors with the given parameters, the same for all walkers.
     pub fn new(params: &SensorParams) -> Self {
+        let imperfections = imperfections(params);
         Self {
-            imu: [params.thigh_imu_m, params.shank_imu_m],
-            imperfections: imperfections(params),
-            knee_filter: FilteredRate::new(params.knee_speed_cutoff_hz),
-            ankle_filter: FilteredRate::new(params.ankle_moment_rate_cutoff_hz),
+            imu: ImuLanes::splat(Imu::from(params)),
+            channels: std::array::from_fn(|index| Kind::new(index, imperfections[index])),
+            knee_filter: FilteredRateLanes::splat(FilteredRate::new(params.knee_speed_cutoff_hz)),
+            ankle_filter: FilteredRateLanes::splat(FilteredRate::new(params.ankle_moment_rate_cutoff_hz)),
         }
     }
 
+    /// Gives the walker in `lane` sensors of its own.
+    pub fn set(&mut self, lane: usize, params: &SensorParams) {
+        self.imu.set(lane, Imu::from(params));
+        for (channel, imperfections) in self.channels.iter_mut().zip(imperfections(params)) {
+            channel.set(lane, imperfections);
+        }
+        self.knee_filter.set(lane, FilteredRate::new(params.knee_speed_cutoff_hz));
+        self.ankle_filter.set(lane, FilteredRate::new(params.ankle_moment_rate_cutoff_hz));
+    }
+
+    /// Inertial sensors of thigh and shank below hip and knee, m.
     #[inline(always)]
-    fn kinds(&self) -> impl Iterator<Item = Kind<'_>> {
-        self.imperfections.iter().enumerate().map(|(index, imperfections)| Kind { index, imperfections })
+    pub fn imu(&self, lane: usize) -> [f64; 2] {
+        [self.imu.thigh[lane], self.imu.shank[lane]]
     }
 }
 
@@ -123,29 +153,60 @@ pub struct Sensors<const L: usize> {
     channels: [Channel<L>; CHANNELS],
 }
 
-impl<const L: usize> Sensors<L> {
+/// What the sensors of one walker keep between samples.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct SensorMemory {
+    count: u64,
+    knee: RateMemory,
+    ankle: RateMemory,
+    channels: Vec<(f64, Vec<f64>)>,
+}
+
+impl<const L: usize> Default for Sensors<L> {
     /// Sensors that wait for their [`start`](Self::start).
-    pub fn new(model: &Model) -> Self {
+    fn default() -> Self {
         Self {
             seed: [0; L],
             count: [0; L],
             knee: RateMemoryLanes::default(),
             ankle: RateMemoryLanes::default(),
-            channels: std::array::from_fn(|index| Channel::new(&model.imperfections[index])),
+            channels: std::array::from_fn(|_| Channel::default()),
+        }
+    }
+}
+
+impl<const L: usize> Sensors<L> {
+    /// What those in `lane` keep.
+    pub fn get(&self, lane: usize) -> SensorMemory {
+        SensorMemory {
+            count: self.count[lane],
+            knee: self.knee.get(lane),
+            ankle: self.ankle.get(lane),
+            channels: self.channels.iter().map(|channel| channel.memory(lane)).collect(),
+        }
+    }
+
+    /// Puts back what those in `lane` kept.
+    pub fn set(&mut self, lane: usize, memory: &SensorMemory) {
+        self.count[lane] = memory.count;
+        self.knee.set(lane, memory.knee);
+        self.ankle.set(lane, memory.ankle);
+        for (channel, memory) in self.channels.iter_mut().zip(&memory.channels) {
+            channel.remember(lane, memory);
         }
     }
 
     /// First sample of the lanes that have just been started; filters start at rest there.
     pub fn start(
         &mut self,
-        model: &Model,
+        model: &Model<L>,
         started: &[bool; L],
         truth: &MeasurandLanes<L>,
         readings: &mut ReadingsLanes<L>,
     ) {
-        let channels = self.channels.iter_mut().zip(model.kinds());
+        let channels = self.channels.iter_mut().zip(&model.channels);
         for (((channel, kind), truth), reading) in channels.zip(measured(truth)).zip(received(readings)) {
-            channel.start(&kind, &self.seed, truth, started, reading);
+            channel.start(kind, &self.seed, truth, started, reading);
         }
         for lane in (0..L).filter(|&lane| started[lane]) {
             self.count[lane] = 0;
@@ -158,19 +219,19 @@ impl<const L: usize> Sensors<L> {
 
     /// One sample of every lane; `readings` holds the last ones.
     #[inline(always)]
-    pub fn sample(&mut self, model: &Model, truth: &MeasurandLanes<L>, readings: &mut ReadingsLanes<L>) {
+    pub fn sample(&mut self, model: &Model<L>, truth: &MeasurandLanes<L>, readings: &mut ReadingsLanes<L>) {
         for count in &mut self.count {
             *count += 1;
         }
-        let channels = self.channels.iter_mut().zip(model.kinds());
+        let channels = self.channels.iter_mut().zip(&model.channels);
         for (((channel, kind), truth), reading) in channels.zip(measured(truth)).zip(received(readings)) {
-            channel.sample(&kind, &self.seed, &self.count, truth, reading);
+            channel.sample(kind, &self.seed, &self.count, truth, reading);
         }
         for lane in 0..L {
-            let knee = model.knee_filter.next(readings.knee_angle[lane], &self.knee.get(lane));
+            let knee = model.knee_filter.get(lane).next(readings.knee_angle[lane], &self.knee.get(lane));
             self.knee.set(lane, knee);
             readings.knee_speed[lane] = knee.rate;
-            let ankle = model.ankle_filter.next(readings.ankle_moment_nm_kg[lane], &self.ankle.get(lane));
+            let ankle = model.ankle_filter.get(lane).next(readings.ankle_moment_nm_kg[lane], &self.ankle.get(lane));
             self.ankle.set(lane, ankle);
             readings.ankle_moment_rate[lane] = ankle.rate;
         }
@@ -184,7 +245,7 @@ mod tests {
 
     fn run(params: &SensorParams, angle: impl Fn(f64) -> f64, samples: usize) -> Vec<Readings> {
         let model = Model::new(params);
-        let mut sensors = Sensors::<1>::new(&model);
+        let mut sensors = Sensors::<1>::default();
         let mut readings = ReadingsLanes::default();
         (0..samples)
             .map(|i| {
@@ -253,7 +314,7 @@ mod tests {
         params.motor_speed.saturation = 12.5;
         let mut readings = ReadingsLanes::default();
         let model = Model::new(&params);
-        Sensors::<1>::new(&model).start(&model, &[true], &MeasurandLanes::splat(truth), &mut readings);
+        Sensors::<1>::default().start(&model, &[true], &MeasurandLanes::splat(truth), &mut readings);
         let mut received = received(&mut readings).map(|reading| reading[0]);
         let axes = [received[5] - 6.0, received[6] - 7.0];
         assert!(axes.iter().all(|error| *error != 0.0 && error.abs() < 0.7) && axes[0] != axes[1]);

@@ -1,22 +1,24 @@
 //! Schema of the sensors: one section per sensor, each with the same keys in the sensor's own unit.
 
+use crate::lanes::lanes;
 use crate::params::{params, within};
 
-/// Imperfections of one sensor, in its own unit; zero is ideal.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Imperfections {
-    /// Step between readings.
-    pub resolution: f64,
-    /// Standard deviation of white noise.
-    pub noise: f64,
-    /// Standard deviation of the bias between episodes.
-    pub bias: f64,
-    /// Samples by which readings come late.
-    pub delay_samples: usize,
-    /// Probability of a sample to be lost.
-    pub drop_out: f64,
-    /// Largest magnitude of a reading.
-    pub saturation: f64,
+lanes! {
+    /// Imperfections of one sensor, in its own unit; zero is ideal.
+    pub struct Imperfections, ImperfectionsLanes {
+        /// Step between readings.
+        resolution: f64,
+        /// Standard deviation of white noise.
+        noise: f64,
+        /// Standard deviation of the bias between episodes.
+        bias: f64,
+        /// Samples by which readings come late.
+        delay_samples: usize,
+        /// Probability of a sample to be lost.
+        drop_out: f64,
+        /// Largest magnitude of a reading.
+        saturation: f64,
+    }
 }
 
 /// Parameters of each sensor: name, meaning, unit, default resolution and upper end of the ranges.

@@ -65,7 +65,7 @@ fn metered(trial: &mut Trial<1>, duration_s: f64) -> (Work, f64) {
 fn the_energy_balance_of_a_restless_walk_closes() {
     let mut scenario = restless();
     scenario.start = StartChoice::Standing;
-    let mut episode = scenario.draw(&mut Pcg64::new(1, 1));
+    let mut episode = scenario.draw(&mut Pcg64::new(1, 1), 1.0, None);
     // Two pushes that the drawn one would not do: upward, and strong.
     for (time_s, force) in [(1.0, TrunkPush { x: 0.0, y: 150.0 }), (4.0, TrunkPush { x: 150.0, y: -100.0 })] {
         episode.disturbance.pushes.push(Push::new(force, time_s, 0.2, None));

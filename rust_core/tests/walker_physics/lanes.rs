@@ -1,8 +1,8 @@
 //! A lane of a block is the scalar simulation, bit for bit.
 
 use prosthesis_gym_core::compliant_ground::GroundParams;
+use prosthesis_gym_core::distribution::Distribution;
 use prosthesis_gym_core::disturbance::{Push, TrunkPush};
-use prosthesis_gym_core::params::Span;
 use prosthesis_gym_core::scenario::ScenarioParams;
 use prosthesis_gym_core::simulation::Simulation;
 use rand_pcg::Pcg64;
@@ -22,28 +22,29 @@ fn fingerprint<const L: usize>(trial: &Trial<L>, lane: usize) -> String {
 /// A scenario of gusts, pushes at a gait phase and a human who does everything otherwise than the paper's.
 pub fn restless() -> ScenarioParams {
     let mut scenario = ScenarioParams {
-        speed_m_s: Span::Fixed(1.1),
-        push_n: Span::Uniform([20.0, 60.0]),
-        push_phase: Span::Uniform([0.0, 0.8]),
+        speed_m_s: Distribution::Fixed(1.1),
+        push_n: Distribution::Uniform([20.0, 60.0]),
+        push_phase: Distribution::Uniform([0.0, 0.8]),
         ..ScenarioParams::default()
     };
-    scenario.gust.force_n = Span::Uniform([-40.0, 40.0]);
+    scenario.gust.force_n = Distribution::Uniform([-40.0, 40.0]);
     let human = &mut scenario.human;
-    human.hip_lift_m = Span::Uniform([0.0, 0.02]);
-    human.swing_flexion_deg = Span::Uniform([0.0, 15.0]);
-    human.thigh_extension_change_deg = Span::Uniform([0.0, 3.0]);
-    human.stance_asymmetry = Span::Uniform([0.0, 0.2]);
-    human.step_delay_s = Span::Uniform([0.0, 0.03]);
-    human.touch_down_delay_s = Span::Uniform([0.0, 0.03]);
-    human.hip_stiffness_factor = Span::Uniform([0.8, 1.2]);
-    human.pendulum_stiffness_factor = Span::Uniform([1.0, 1.4]);
+    human.hip_lift_m = Distribution::Uniform([0.0, 0.02]);
+    human.swing_flexion_deg = Distribution::Uniform([0.0, 15.0]);
+    human.thigh_extension_change_deg = Distribution::Uniform([0.0, 3.0]);
+    human.stance_asymmetry = Distribution::Uniform([0.0, 0.2]);
+    human.step_delay_s = Distribution::Uniform([0.0, 0.03]);
+    human.touch_down_delay_s = Distribution::Uniform([0.0, 0.03]);
+    human.hip_stiffness_factor = Distribution::Uniform([0.8, 1.2]);
+    human.pendulum_stiffness_factor = Distribution::Uniform([1.0, 1.4]);
     scenario
 }
 
 /// Eight different episodes, half of them restless, one of which ends in a fall.
 fn episodes() -> [Episode; 8] {
     let scenarios = [ScenarioParams::default(), restless()];
-    let mut episodes = std::array::from_fn(|lane| scenarios[lane % 2].draw(&mut Pcg64::new(1, lane as u128)));
+    let mut episodes =
+        std::array::from_fn(|lane| scenarios[lane % 2].draw(&mut Pcg64::new(1, lane as u128), 1.0, None));
     episodes[5].disturbance.pushes = vec![Push::new(TrunkPush { x: -900.0, y: 0.0 }, 0.5, 0.3, None)];
     episodes
 }

@@ -1,0 +1,289 @@
+//! Domain randomisation: parameters of walker, ground, knee unit and sensors that every episode draws anew.
+//!
+//! `scenario.randomise` draws single numbers, each for itself; `scenario.variants` draws one of several sets of parameters that
+//! belong together, such as the segments of a body. Difficulty eases both towards the configured, nominal walker.
+
+use std::collections::BTreeMap;
+
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::config::Config;
+use crate::distribution::Distribution;
+use crate::error::{Error, Result};
+use crate::params::{Parameter, Range};
+use crate::terrain::Terrain;
+
+/// Distribution of each randomised parameter by its dotted path.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Randomised(pub BTreeMap<String, Distribution>);
+
+/// Partial configurations of which every episode draws one.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Variants(pub Vec<Value>);
+
+impl Parameter for Randomised {
+    fn numbers(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+    fn text(&self) -> String {
+        "{}".to_owned()
+    }
+    fn allowed(_: Range) -> String {
+        "{\"section.key\" = distribution}".to_owned()
+    }
+}
+
+impl Parameter for Variants {
+    fn numbers(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+    fn text(&self) -> String {
+        "[]".to_owned()
+    }
+    fn allowed(_: Range) -> String {
+        "list of partial configurations".to_owned()
+    }
+}
+
+/// The sections that may differ between episodes, and how to reach a number in them.
+macro_rules! sections {
+    ($($section:ident),+) => {
+        const SECTIONS: &[&str] = &[$(stringify!($section)),+];
+
+        fn assign(config: &mut Config, key: &str, number: f64) -> bool {
+            $(if let Some(path) = key.strip_prefix(concat!(stringify!($section), ".")) {
+                return config.$section.assign(path, number);
+            })+
+            false
+        }
+
+        fn number(config: &Config, key: &str) -> Option<(f64, Range)> {
+            $(if let Some(path) = key.strip_prefix(concat!(stringify!($section), ".")) {
+                return config.$section.number(path);
+            })+
+            None
+        }
+    };
+}
+sections!(body, ground, human, knee, motor, friction_knee, end_stop, ankle, socket, tube, sensors, termination);
+
+/// Numbers that say what the walker is made of, not how large it is.
+const STRUCTURAL: &[&str] = &["body.sole_points"];
+/// The rest of the termination limits is the same for all.
+const TERMINATION: &str = "termination.hip_height_m";
+
+/// What an episode has drawn.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Drawn {
+    /// Index among the variants; `None` for the nominal walker.
+    pub variant: Option<usize>,
+    /// Values of the randomised parameters, in the order of their keys.
+    pub numbers: Vec<f64>,
+}
+
+/// Draws the parameters of episodes.
+#[derive(Clone, Debug)]
+pub struct Randomiser {
+    nominal: Config,
+    variants: Vec<Config>,
+    numbers: Vec<(String, Distribution, Range)>,
+}
+
+impl Randomiser {
+    /// What the configuration's scenario asks for; `None` if all episodes have the nominal walker.
+    pub fn new(config: &Config) -> Result<Option<Self>> {
+        let (Randomised(numbers), Variants(variants)) = (&config.scenario.randomise, &config.scenario.variants);
+        if numbers.is_empty() && variants.is_empty() {
+            return Ok(None);
+        }
+        let mut nominal = config.clone();
+        nominal.scenario.randomise = Randomised::default();
+        nominal.scenario.variants = Variants::default();
+        let numbers = numbers.iter().map(|(key, distribution)| checked(&nominal, key, distribution));
+        let variants = variants.iter().enumerate().map(|(index, variant)| varied(&nominal, index, variant));
+        let numbers = numbers.collect::<Result<Vec<_>>>()?;
+        let randomiser = Self { variants: variants.collect::<Result<_>>()?, numbers, nominal };
+        for end in 0..2 {
+            let numbers = randomiser.numbers.iter().map(|(_, distribution, _)| distribution.bounds()[end]).collect();
+            randomiser.config(&Drawn { variant: None, numbers }).validate()?;
+        }
+        Ok(Some(randomiser))
+    }
+
+    /// Keys of the randomised parameters.
+    pub fn keys(&self) -> impl Iterator<Item = &str> {
+        self.numbers.iter().map(|(key, ..)| key.as_str())
+    }
+
+    /// Draws an episode. `difficulty` in [0, 1]: at 0 the nominal walker, at 1 the distributions as they are; between, numbers
+    /// lie that share of the way from their nominal values, and so many episodes have a variant.
+    pub fn draw(&self, random: &mut impl Rng, difficulty: f64) -> Drawn {
+        let (odds, choice) = (random.random::<f64>(), random.random::<f64>());
+        let varies = odds < difficulty && !self.variants.is_empty();
+        let variant = varies.then(|| ((choice * self.variants.len() as f64) as usize).min(self.variants.len() - 1));
+        let base = variant.map_or(&self.nominal, |variant| &self.variants[variant]);
+        let draw = |(key, distribution, _): &(String, Distribution, Range)| {
+            let nominal = number(base, key).map_or(0.0, |(nominal, _)| nominal);
+            eased(nominal, distribution.at(random.random::<f64>()), difficulty)
+        };
+        let drawn = Drawn { variant, numbers: self.numbers.iter().map(draw).collect() };
+        // Read back what the walker makes of them: a count or a seed is a whole number.
+        let config = self.config(&drawn);
+        Drawn { numbers: self.keys().filter_map(|key| Some(number(&config, key)?.0)).collect(), ..drawn }
+    }
+
+    /// The walker that has been drawn.
+    pub fn config(&self, drawn: &Drawn) -> Config {
+        let mut config = drawn.variant.map_or(&self.nominal, |variant| &self.variants[variant]).clone();
+        for ((key, ..), &number) in self.numbers.iter().zip(&drawn.numbers) {
+            assign(&mut config, key, number);
+        }
+        config
+    }
+
+    /// Whether any walker may meet ground that is not level.
+    pub fn is_uneven(&self) -> bool {
+        let uneven = |config: &Config| !Terrain::from(&config.ground).is_level();
+        let randomised = self.numbers.iter().any(|(key, distribution, _)| {
+            distribution.bounds().iter().any(|&bound| {
+                let mut config = self.nominal.clone();
+                assign(&mut config, key, bound);
+                uneven(&config)
+            })
+        });
+        randomised || uneven(&self.nominal) || self.variants.iter().any(uneven)
+    }
+}
+
+/// A value `difficulty` of the way from the nominal one.
+pub fn eased(nominal: f64, value: f64, difficulty: f64) -> f64 {
+    // Exactly the value at difficulty 1, where the sum would round.
+    if difficulty >= 1.0 { value } else { nominal + difficulty * (value - nominal) }
+}
+
+/// A randomised parameter, if it is one whose whole distribution is allowed.
+fn checked(nominal: &Config, key: &str, distribution: &Distribution) -> Result<(String, Distribution, Range)> {
+    let path = format!("scenario.randomise.\"{key}\"");
+    let known = !STRUCTURAL.contains(&key) && (!key.starts_with("termination.") || key == TERMINATION);
+    let Some((_, range)) = number(nominal, key).filter(|_| known) else {
+        let sections = SECTIONS[..SECTIONS.len() - 1].join(", ");
+        return Err(Error::Schema {
+            key: path,
+            reason: format!("must be a number in one of the sections {sections}, or {TERMINATION}"),
+        });
+    };
+    distribution.check(&path)?;
+    for number in distribution.numbers() {
+        range.check(&path, number, "")?;
+    }
+    Ok((key.to_owned(), distribution.clone(), range))
+}
+
+/// The nominal configuration with the changes of a variant, if they make a walker of the same kind.
+fn varied(nominal: &Config, index: usize, variant: &Value) -> Result<Config> {
+    let path = format!("scenario.variants[{index}]");
+    let wrong = |reason: String| Error::Schema { key: path.clone(), reason };
+    let Value::Object(sections) = variant else { return Err(wrong("must be a table of sections".into())) };
+    if let Some(unknown) = sections.keys().find(|section| !SECTIONS.contains(&section.as_str())) {
+        return Err(wrong(format!("section {unknown:?} must be one of {}", SECTIONS.join(", "))));
+    }
+    let mut merged = serde_json::to_value(nominal).map_err(|error| wrong(error.to_string()))?;
+    merge(&mut merged, variant);
+    let config = Config::from_deserializer(merged).map_err(|error| wrong(error.to_string()))?;
+    let same = config.body.sole_points == nominal.body.sole_points
+        && config.socket.connection == nominal.socket.connection
+        && config.socket.place == nominal.socket.place
+        && config.tube.connection == nominal.tube.connection;
+    if !same {
+        return Err(wrong("must not change the walker's joints or contact points".into()));
+    }
+    Ok(config)
+}
+
+fn merge(base: &mut Value, changes: &Value) {
+    match (base, changes) {
+        (Value::Object(base), Value::Object(changes)) => {
+            for (key, change) in changes {
+                merge(base.entry(key.clone()).or_insert(Value::Null), change);
+            }
+        }
+        (base, change) => *base = change.clone(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_pcg::Pcg64;
+    use serde_json::json;
+
+    fn config(randomise: Value, variants: Value) -> Result<Config> {
+        Config::from_deserializer(json!({"scenario": {"randomise": randomise, "variants": variants}}))
+    }
+
+    fn randomiser(randomise: Value, variants: Value) -> Randomiser {
+        Randomiser::new(&config(randomise, variants).unwrap()).unwrap().unwrap()
+    }
+
+    #[test]
+    fn every_episode_draws_its_own_numbers_and_variant() {
+        let bodies = json!([{"body": {"trunk_mass_kg": 40.0}}, {"body": {"trunk_mass_kg": 60.0}}]);
+        let randomiser = randomiser(json!({"knee.spring_nm_rad": [1.0, 3.0], "ground.friction": 0.7}), bodies);
+        let configs: Vec<_> =
+            (0..200).map(|stream| randomiser.config(&randomiser.draw(&mut Pcg64::new(1, stream), 1.0))).collect();
+        assert!(configs.iter().all(|config| config.ground.friction == 0.7));
+        assert!(configs.iter().all(|config| (1.0..3.0).contains(&config.knee.spring_nm_rad)));
+        assert!(configs.windows(2).all(|pair| pair[0].knee.spring_nm_rad != pair[1].knee.spring_nm_rad));
+        let heavy = configs.iter().filter(|config| config.body.trunk_mass_kg == 60.0).count();
+        assert!((70..130).contains(&heavy), "{heavy}");
+        assert!(configs.iter().all(|config| [40.0, 60.0].contains(&config.body.trunk_mass_kg)));
+    }
+
+    #[test]
+    fn difficulty_leads_from_the_nominal_walker_to_the_whole_distribution() {
+        let variants = json!([{"ankle": {"stiffness_nm_rad": 300.0}}]);
+        let randomiser = randomiser(json!({"knee.spring_nm_rad": [4.0, 6.0]}), variants);
+        let nominal = Config::default();
+        let spring = |difficulty: f64| {
+            let drawn = randomiser.draw(&mut Pcg64::new(1, 5), difficulty);
+            randomiser.config(&drawn).knee.spring_nm_rad
+        };
+        assert_eq!(spring(0.0), nominal.knee.spring_nm_rad);
+        let halfway = 0.5 * (spring(1.0) + nominal.knee.spring_nm_rad);
+        assert!((spring(0.5) - halfway).abs() < 1e-12);
+        let varied = |difficulty: f64| {
+            (0..1000).filter(|&i| randomiser.draw(&mut Pcg64::new(2, i), difficulty).variant.is_some()).count()
+        };
+        assert_eq!((varied(0.0), varied(1.0)), (0, 1000));
+        assert!((230..370).contains(&varied(0.3)), "{}", varied(0.3));
+    }
+
+    #[test]
+    fn ground_is_uneven_if_any_episode_may_be() {
+        let none = || json!([]);
+        assert!(!randomiser(json!({"ground.friction": [0.3, 0.6]}), none()).is_uneven());
+        assert!(randomiser(json!({"ground.slope_deg": [-1.0, 1.0]}), none()).is_uneven());
+        assert!(randomiser(json!({}), json!([{"ground": {"roughness_m": 0.01}}])).is_uneven());
+    }
+
+    #[test]
+    fn what_cannot_be_randomised_is_refused_by_name() {
+        for (randomise, variants, named) in [
+            (json!({"solver.steps": [3, 8]}), json!([]), "solver.steps"),
+            (json!({"body.sole_points": [2, 4]}), json!([]), "body.sole_points"),
+            (json!({"knee.spring": 1.0}), json!([]), "knee.spring"),
+            (json!({"ground.friction": [-1.0, 0.5]}), json!([]), "ground.friction"),
+            (json!({"ground.friction": {"normal": [0.5, 0.5]}}), json!([]), "ground.friction"),
+            (json!({}), json!([{"reward": {"fall": 1.0}}]), "variants[0]"),
+            (json!({}), json!([{}, {"knee": {"spring_nm_rad": -1.0}}]), "knee.spring_nm_rad"),
+            (json!({}), json!([{"body": {"sole_points": 5}}]), "contact points"),
+        ] {
+            let error = config(randomise, variants).unwrap_err().to_string();
+            assert!(error.contains(named), "{error}");
+        }
+    }
+}
