@@ -18,8 +18,8 @@ examples:
 """
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command. Exit code 0 for success, 2 for bad input, 130 for Ctrl-C."""
+def new_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line; what it parses has a function `run`."""
     parser = argparse.ArgumentParser(
         prog="prosthesis-gym",
         description="Simulate walking with a lower-limb prosthesis.",
@@ -29,7 +29,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for command in (walk, bodies, accuracy, bench, parameters):
         command.add_parser(commands)
-    arguments = parser.parse_args(argv)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command. Exit code 0 for success, 1 for what a check found wrong, 2 for bad input, 130 for Ctrl-C."""
+    arguments = new_parser().parse_args(argv)
     try:
         arguments.run(arguments)
         sys.stdout.flush()
