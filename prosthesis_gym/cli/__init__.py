@@ -1,11 +1,11 @@
-"""Command line: `prosthesis-gym walk | bodies | accuracy | bench | parameters`."""
+"""Command line: `prosthesis-gym walk | bodies | accuracy | bench | torture | parameters`."""
 
 import argparse
 import os
 import sys
 from collections.abc import Sequence
 
-from prosthesis_gym.cli import accuracy, bench, bodies, parameters, walk
+from prosthesis_gym.cli import accuracy, bench, bodies, parameters, torture, walk
 
 _EXAMPLES = """\
 examples:
@@ -14,6 +14,7 @@ examples:
   prosthesis-gym bodies --out bodies.csv
   prosthesis-gym accuracy --episodes 512
   prosthesis-gym bench --walkers 1 4096
+  prosthesis-gym torture --steps 10000000
   prosthesis-gym parameters knee
 """
 
@@ -27,7 +28,7 @@ def new_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (walk, bodies, accuracy, bench, parameters):
+    for command in (walk, bodies, accuracy, bench, torture, parameters):
         command.add_parser(commands)
     return parser
 
