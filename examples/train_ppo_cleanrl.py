@@ -8,6 +8,7 @@ state machine by itself falls in 31 % of the episodes.
 """
 
 import argparse
+import math
 import time
 from collections.abc import Sequence
 
@@ -106,7 +107,7 @@ def train(env_id: str, total_steps: int, walkers: int, report_every: int, seed: 
     began = time.perf_counter()
     with Progress() as bar:
         task = bar.add_task("training", total=total_steps)
-        for iteration in range(1, max(1, total_steps // (ROLLOUT_STEPS * walkers)) + 1):
+        for iteration in range(1, math.ceil(total_steps / (ROLLOUT_STEPS * walkers)) + 1):
             steps = iteration * ROLLOUT_STEPS * walkers
             optimizer.param_groups[0]["lr"] = LEARNING_RATE * max(0.05, 1.0 - steps / total_steps)
             # A step after an end only resets, whatever the action: it is not learned from.

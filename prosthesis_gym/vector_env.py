@@ -18,8 +18,8 @@ CONTROL_PERIOD_S = 0.005
 
 Observations = NDArray[np.float32]
 
-#: Names of the ends of an episode by the core's code; None while it goes on.
-_REASONS = np.array([None, *_core.REASONS[1:]], dtype=object)
+_REASONS = np.array(_core.REASONS, dtype=object)
+_TERM_MASKS = [f"_{name}" for name in _core.TERMS]
 
 _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] = {
     AutoresetMode.NEXT_STEP: "next_step",
@@ -218,13 +218,13 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
 def _infos(terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]) -> dict[str, Any]:
     """Lay out the infos of the environments in the mask `present`; terms (N, number of terms) are 0 elsewhere."""
-    named: dict[str, NDArray[Any]] = {}
-    for index, name in enumerate(_core.TERMS):
-        named |= {name: terms[:, index], f"_{name}": present}
+    named = dict(zip(_core.TERMS, terms.T, strict=True)) | dict.fromkeys(_TERM_MASKS, present)
     infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
-    ended = reasons != 0
-    if ended.any():
-        infos |= {"termination_reason": _REASONS[reasons], "_termination_reason": ended}
+    if reasons.any():
+        ended = reasons != 0
+        names = np.full(reasons.size, None, dtype=object)
+        names[ended] = _REASONS[reasons[ended]]
+        infos |= {"termination_reason": names, "_termination_reason": ended}
     return infos
 
 
