@@ -51,6 +51,53 @@ class Chain:
     def kinetic_energy(self, q: NDArray[np.float64], qd: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def potential_energy(self, q: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+class Step:
+    """What a step of N environments gives; D is the observation size, T the number of reward terms."""
+
+    @property
+    def observations(self) -> NDArray[np.float32]:
+        """(N, D)."""
+
+    @property
+    def rewards(self) -> NDArray[np.float64]:
+        """(N,)."""
+
+    @property
+    def terminated(self) -> NDArray[np.bool_]:
+        """(N,): ended early."""
+
+    @property
+    def truncated(self) -> NDArray[np.bool_]:
+        """(N,): time over."""
+
+    @property
+    def terms(self) -> NDArray[np.float64]:
+        """(N, T), before their weights."""
+
+    @property
+    def reasons(self) -> NDArray[np.uint8]:
+        """(N,), index into `REASONS`."""
+
+    @property
+    def started(self) -> NDArray[np.bool_]:
+        """(N,): reset in this step."""
+
+    @property
+    def final_observations(self) -> NDArray[np.float32] | None:
+        """(N, D) with autoreset "same_step": the rows that count are those of `started`."""
+
+    @property
+    def episode_returns(self) -> NDArray[np.float64]:
+        """(N,): sum of rewards of the episode that the step belongs to, the step included."""
+
+    @property
+    def episode_steps(self) -> NDArray[np.uint32]:
+        """(N,): steps of that episode."""
+
+    @property
+    def episode_terms(self) -> NDArray[np.float64]:
+        """(N, T): sums of its terms, where it has ended; else 0."""
+
 class Batch:
     def __init__(
         self,
@@ -68,18 +115,19 @@ class Batch:
     def reset(
         self, seeds: NDArray[np.uint64] | None = None, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]: ...
-    def step(
-        self, actions: NDArray[np.float64]
-    ) -> tuple[
-        NDArray[np.float32],
-        NDArray[np.float64],
-        NDArray[np.bool_],
-        NDArray[np.bool_],
-        NDArray[np.float64],
-        NDArray[np.uint8],
-        NDArray[np.float32] | None,
-        NDArray[np.bool_],
-    ]: ...
+    def step(self, actions: NDArray[np.float64]) -> Step: ...
+    def normalise_observations(self, clip: float = 10.0, epsilon: float = 1e-8) -> None:
+        """Return observations less their running mean over their running deviation, within +-clip, from now on.
+
+        Resets and steps learn the moments, their own observations included.
+        """
+
+    def moments(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]:
+        """Return count, mean (D,) and variance (D,) of the observations seen."""
+
+    def set_moments(
+        self, count: float, mean: NDArray[np.float64], variance: NDArray[np.float64], learns: bool
+    ) -> None: ...
     def episodes(self) -> dict[str, NDArray[Any]]: ...
     def record(self, index: int) -> None: ...
     def recording(self) -> dict[str, NDArray[np.float64]]: ...

@@ -119,7 +119,7 @@ def falls(config: Config, episodes: int, seed: int = 0) -> NDArray[np.bool_]:
     actions = np.zeros(episodes)
     fell, over = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
     while not over.all():
-        _, _, terminated, truncated, *_ = batch.step(actions)
-        fell |= np.asarray(terminated) & ~over
-        over |= np.asarray(terminated) | np.asarray(truncated)
+        step = batch.step(actions)
+        fell |= step.terminated & ~over
+        over |= step.terminated | step.truncated
     return fell

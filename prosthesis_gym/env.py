@@ -73,10 +73,9 @@ class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
             ValueError: wrong shape or dtype, NaN, or the episode has ended.
 
         """
-        observations, rewards, terminated, truncated, terms, reasons, _, _ = self.batch.step(
-            check_actions(action, (1,))
-        )
-        info: dict[str, Any] = {"reward_terms": dict(zip(_core.TERMS, terms[0].tolist(), strict=True))}
-        if reasons[0]:
-            info["termination_reason"] = _core.REASONS[reasons[0]]
-        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+        step = self.batch.step(check_actions(action, (1,)))
+        info: dict[str, Any] = {"reward_terms": dict(zip(_core.TERMS, step.terms[0].tolist(), strict=True))}
+        reason = step.reasons[0]
+        if reason:
+            info["termination_reason"] = _core.REASONS[reason]
+        return step.observations[0], float(step.rewards[0]), bool(step.terminated[0]), bool(step.truncated[0]), info

@@ -121,20 +121,21 @@ def evaluate(
     returns, steps = np.zeros(episodes), np.zeros(episodes, dtype=np.int64)
     sums = np.zeros((episodes, len(_core.TERMS)))
     still = np.zeros(episodes, dtype=np.int64)
-    actions = np.zeros(episodes)
+    actions, done = np.zeros(episodes), 0
     while running.any():
         if controller is not None:
             actions = controller.act(observations)
-        observations, rewards, terminated, truncated, terms, reason, _, _ = batch.step(actions)
-        returns[running] += rewards[running]
-        sums[running] += terms[running]
-        steps += running
+        step = batch.step(actions)
+        observations = step.observations
         slow = np.abs(observations[:, shank_rate]) < _STILL_RAD_S
         still[running] = np.where(slow, still + 1, 0)[running]
-        reasons[running] = reason[running]
-        running &= ~(terminated | truncated)
+        ended = running & (step.terminated | step.truncated)
+        returns[ended], steps[ended] = step.episode_returns[ended], step.episode_steps[ended]
+        sums[ended], reasons[ended] = step.episode_terms[ended], step.reasons[ended]
+        running &= ~ended
+        done += 1
         if progress is not None:
-            progress(int(steps.max()), most)
+            progress(done, most)
 
     names = np.array(_core.REASONS)[reasons]
     fell = names != "time_limit"

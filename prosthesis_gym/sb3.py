@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
@@ -17,6 +18,20 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from prosthesis_gym import _core
 from prosthesis_gym.vector_env import CONTROL_PERIOD_S, ProsthesisVectorEnv
+
+OBSERVATION_EPSILON = 1e-8
+"""Added to the variance that normalised observations are divided by the root of."""
+
+
+class ObservationMoments(NamedTuple):
+    """Statistics of D-dimensional observations."""
+
+    #: How many observations.
+    number: float
+    #: (D,) float64.
+    mean: NDArray[np.float64]
+    #: (D,) float64.
+    variance: NDArray[np.float64]
 
 
 class ProsthesisVecEnv(VecEnv):
@@ -27,6 +42,10 @@ class ProsthesisVecEnv(VecEnv):
     VecMonitor is needed), and beyond that `episode_terms` (sum of each reward term before its weight) and
     `termination_reason`. The other environments hand out the same info dict every step, because thousands of fresh
     ones would cost more than the step itself.
+
+    With `normalise_observations`, observations (terminal ones too) come less their running mean, over their running
+    standard deviation and within +-`clip_observation`: what SB3's VecNormalize does, done in the core. Their statistics
+    are `observation_moments`.
 
     With `staggered`, `reset` lets each walker walk for a different part of an episode first, so that a rollout sees
     all parts of an episode at any time instead of all walkers starting, walking and ending in step.
@@ -39,6 +58,8 @@ class ProsthesisVecEnv(VecEnv):
         *,
         threads: int | None = None,
         staggered: bool = False,
+        normalise_observations: bool = False,
+        clip_observation: float = 10.0,
     ) -> None:
         self.envs = ProsthesisVectorEnv(num_envs, config, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads)
         #: Wall time spent in the native core since the environment was made, s.
@@ -47,10 +68,25 @@ class ProsthesisVecEnv(VecEnv):
         self._began = time.perf_counter()
         self._infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(num_envs)]
         self._actions: NDArray[np.float64] = np.zeros(num_envs)
-        self._returns = np.zeros(num_envs)
-        self._lengths = np.zeros(num_envs, dtype=np.int64)
-        self._terms = np.zeros((num_envs, len(_core.TERMS)))
-        super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
+        space = self.envs.single_observation_space
+        if normalise_observations:
+            self.envs.batch.normalise_observations(clip_observation, OBSERVATION_EPSILON)
+            space = Box(-clip_observation, clip_observation, space.shape, np.float32)
+        super().__init__(num_envs, space, self.envs.single_action_space)
+
+    @property
+    def observation_moments(self) -> ObservationMoments:
+        """Statistics of the observations so far.
+
+        Raises:
+            ValueError: observations are not normalised.
+
+        """
+        return ObservationMoments(*self.envs.batch.moments())
+
+    def set_observation_moments(self, moments: ObservationMoments, *, learns: bool = True) -> None:
+        """Replace the statistics; without `learns` they stay as they are from now on."""
+        self.envs.batch.set_moments(*moments, learns)
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations (N, D) of new episodes; takes the seeds of the last call of `seed`."""
@@ -59,9 +95,6 @@ class ProsthesisVecEnv(VecEnv):
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
-        self._returns[:] = 0.0
-        self._lengths[:] = 0
-        self._terms[:] = 0.0
         return self._stagger() if self._staggered else observations
 
     def _stagger(self) -> NDArray[np.float32]:
@@ -73,7 +106,7 @@ class ProsthesisVecEnv(VecEnv):
         for step in range(steps):
             self.envs.batch.step(actions)
             self.envs.batch.reset(None, starts == step)
-        return self.envs.batch.step(actions)[0]
+        return self.envs.batch.step(actions).observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Keep the actions (N, 1) for `step_wait`."""
@@ -82,33 +115,30 @@ class ProsthesisVecEnv(VecEnv):
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Advance every walker by `action.hold` control periods."""
         began = time.perf_counter()
-        observations, rewards, terminated, truncated, terms, reasons, final, _ = self.envs.batch.step(self._actions)
+        step = self.envs.batch.step(self._actions)
         now = time.perf_counter()
         self.core_seconds += now - began
-        self._returns += rewards
-        self._lengths += 1
-        self._terms += terms
-        dones = terminated | truncated
+        truncated = step.truncated
+        dones = step.terminated | truncated
         infos = self._infos.copy()
         ended = np.flatnonzero(dones)
-        for index in ended:
-            episode = {
-                "r": round(float(self._returns[index]), 6),
-                "l": int(self._lengths[index]),
-                "t": round(now - self._began, 6),
-            }
+        if ended.size:
+            returns, steps, terms = step.episode_returns, step.episode_steps, step.episode_terms
+            final, reasons = step.final_observations, step.reasons
             assert final is not None  # autoreset "same_step" always hands it out
-            infos[index] = {
-                "TimeLimit.truncated": bool(truncated[index]),
-                "terminal_observation": final[index].copy(),
-                "episode": episode,
-                "episode_terms": dict(zip(_core.TERMS, self._terms[index].tolist(), strict=True)),
-                "termination_reason": _core.REASONS[reasons[index]],
-            }
-        self._returns[ended] = 0.0
-        self._lengths[ended] = 0
-        self._terms[ended] = 0.0
-        return observations, rewards.astype(np.float32), dones, infos
+            for index in ended:
+                infos[index] = {
+                    "TimeLimit.truncated": bool(truncated[index]),
+                    "terminal_observation": final[index].copy(),
+                    "episode": {
+                        "r": round(float(returns[index]), 6),
+                        "l": int(steps[index]),
+                        "t": round(now - self._began, 6),
+                    },
+                    "episode_terms": dict(zip(_core.TERMS, terms[index].tolist(), strict=True)),
+                    "termination_reason": _core.REASONS[reasons[index]],
+                }
+        return step.observations, step.rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
         """Free the native batch."""

@@ -98,13 +98,14 @@ def run_trial(
         while not done:
             if policy is not None:
                 actions = np.asarray(policy.act(observation), dtype=np.float64).reshape(1)
-            observation, _, terminated, truncated, _, reasons, _, _ = batch.step(actions)
-            done = bool(terminated[0] or truncated[0])
+            step = batch.step(actions)
+            observation, fell = step.observations, bool(step.terminated[0])
+            done = fell or bool(step.truncated[0])
             steps += 1
             if steps % _STEPS_PER_UPDATE == 0:
                 show(CONTROL_PERIOD_S * resolved["action"]["hold"] * steps)
     columns, events = batch.recording(), batch.events()
-    outcome = f"fell: {_core.REASONS[reasons[0]]}" if terminated[0] else _upright_outcome(columns, events)
+    outcome = f"fell: {_core.REASONS[step.reasons[0]]}" if fell else _upright_outcome(columns, events)
     return Trial(columns, events, outcome, resolved)
 
 

@@ -209,11 +209,13 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
         """
         flat = check_actions(actions, (self.num_envs, 1))
-        observations, rewards, terminated, truncated, terms, reasons, finals, started = self.batch.step(flat)
-        infos = _infos(terms, reasons, ~started)
+        step = self.batch.step(flat)
+        terms, reasons, finals, started = step.terms, step.reasons, step.final_observations, step.started
         if finals is not None and started.any():
             infos = _same_step_infos(terms, reasons, finals, started)
-        return observations, rewards, terminated, truncated, infos
+        else:
+            infos = _infos(terms, reasons, ~started)
+        return step.observations, step.rewards, step.terminated, step.truncated, infos
 
 
 def _infos(terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]) -> dict[str, Any]:

@@ -17,8 +17,8 @@ def trajectory(config: Config, count: int, threads: int, seeds: NDArray[np.uint6
     rows = [np.column_stack([batch.reset(seeds), np.zeros(count)])]
     for _ in range(STEPS):
         actions = np.array([rng.uniform(-1.0, 1.0) for rng in rngs])
-        observations, rewards, *_ = batch.step(actions)
-        rows.append(np.column_stack([observations, rewards]))
+        step = batch.step(actions)
+        rows.append(np.column_stack([step.observations, step.rewards]))
     return np.array(rows)
 
 
@@ -103,11 +103,11 @@ def test_diverging_walkers_end_with_a_reason_and_leave_their_neighbours_alone() 
     batch.reset(seeds)
     diverged = 0
     for _ in range(1000):
-        observations, rewards, terminated, _, terms, codes, *_ = batch.step(np.full(16, -1.0))
-        for outputs in (observations, rewards, terms):
+        step = batch.step(np.full(16, -1.0))
+        for outputs in (step.observations, step.rewards, step.terms, step.episode_returns):
             assert np.isfinite(outputs).all()
-        non_finite = codes == _core.REASONS.index("non_finite")
-        assert terminated[non_finite].all()
+        non_finite = step.reasons == _core.REASONS.index("non_finite")
+        assert step.terminated[non_finite].all()
         diverged += int(non_finite.sum())
     assert diverged > 5
 

@@ -134,7 +134,7 @@ def observations(config: dict[str, Any], seeds: NDArray[np.uint64], steps: int =
     """Observations of every step, (steps, N, size), under the state machine."""
     batch = _core.Batch(len(seeds), merge({"action": {"mode": "state_machine"}}, config), "same_step", 2)
     batch.reset(seeds)
-    return np.array([batch.step(np.zeros(len(seeds)))[0] for _ in range(steps)])
+    return np.array([batch.step(np.zeros(len(seeds))).observations for _ in range(steps)])
 
 
 SEEDS = np.arange(24, dtype=np.uint64)

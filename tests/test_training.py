@@ -21,7 +21,7 @@ from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.sb3 import ProsthesisVecEnv
 from training.checkpoint import latest_checkpoint, load_checkpoint, save_checkpoint
-from training.export import export_policy, observation_statistics
+from training.export import export_policy
 from training.settings import Settings
 from training.train import BoundedReward, Trainer, main
 
@@ -106,7 +106,8 @@ def test_training_is_reproducible_and_resumes_from_the_very_weights(config: Path
     resumed = Trainer(Settings.load(config), tmp_path / "a", resume=True, quiet=True)
     assert (resumed.policy().act(observations) == first.policy().act(observations)).all()
     assert resumed.model.num_timesteps == 2048
-    assert observation_statistics(resumed.normaliser).count == observation_statistics(first.normaliser).count
+    for ours, theirs in zip(resumed.env.observation_moments, first.env.observation_moments, strict=True):
+        assert (np.asarray(ours) == np.asarray(theirs)).all()
     assert resumed.normaliser.ret_rms.var == first.normaliser.ret_rms.var
     state, expected = (trainer.model.policy.optimizer.state_dict()["state"] for trainer in (resumed, first))
     assert state.keys() == expected.keys() != set()
@@ -127,15 +128,17 @@ def test_other_knees_are_trained_by_naming_them(config: Path, tmp_path: Path, ki
 def test_the_exported_policy_acts_as_the_model_does(config: Path) -> None:
     torch.set_num_threads(1)
     settings = Settings.load(config)
-    env = VecNormalize(ProsthesisVecEnv(16, settings.env))
+    env = ProsthesisVecEnv(16, settings.env, normalise_observations=True, clip_observation=5.0)
     options: dict[str, Any] = {"net_arch": {"pi": [16, 8], "vf": [4]}, "activation_fn": torch.nn.Tanh}
     model = PPO(
         "MlpPolicy", env, n_steps=64, batch_size=64, learning_rate=0.01, policy_kwargs=options, device="cpu", seed=0
     )
     model.learn(2048)
-    policy = export_policy(model, env, settings.env)
+    moments = env.observation_moments
+    policy = export_policy(model, moments, 5.0, settings.env)
     observations = np.random.default_rng(0).normal(scale=2.0, size=(2000, 16)).astype(np.float32)
-    expected, _ = model.predict(env.normalize_obs(observations), deterministic=True)
+    normalised = ((observations - moments.mean) / np.sqrt(moments.variance + 1e-8)).clip(-5.0, 5.0).astype(np.float32)
+    expected, _ = model.predict(normalised, deterministic=True)
     np.testing.assert_allclose(policy.act(observations), expected[:, 0], atol=1e-5)
     assert np.ptp(expected) > 0.1
     assert policy.config == {section: settings.env[section] for section in ("action", "observation")}
@@ -154,12 +157,12 @@ def test_rewards_are_bounded_before_they_enter_any_statistics(config: Path) -> N
 
 def test_other_networks_are_not_exported(config: Path) -> None:
     settings = Settings.load(config)
-    env = VecNormalize(ProsthesisVecEnv(2, settings.env))
+    env = ProsthesisVecEnv(2, settings.env, normalise_observations=True)
     model = PPO(
         "MlpPolicy", env, n_steps=8, batch_size=16, policy_kwargs={"activation_fn": torch.nn.ReLU}, device="cpu"
     )
     with pytest.raises(ValueError, match="ReLU"):
-        export_policy(model, env, settings.env)
+        export_policy(model, env.observation_moments, 10.0, settings.env)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals to a process are a matter of POSIX")

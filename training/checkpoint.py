@@ -18,7 +18,7 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecNormalize
 
 from prosthesis_gym.policy import Policy
-from training.export import observation_statistics
+from prosthesis_gym.sb3 import ObservationMoments, ProsthesisVecEnv
 
 _MODEL_FILE = "model.zip"
 _PROGRESS_FILE = "progress.json"
@@ -44,9 +44,10 @@ def save_checkpoint(folder: Path, model: PPO, normaliser: VecNormalize, policy: 
     temporary.mkdir(parents=True)
     model.save(temporary / _MODEL_FILE)
     policy.save(temporary)
+    moments = walkers(normaliser).observation_moments._asdict()
     state = {
         **asdict(progress),
-        "observation_statistics": _to_json(observation_statistics(normaliser)),
+        "observation_statistics": {name: np.asarray(value).tolist() for name, value in moments.items()},
         "return_statistics": _to_json(normaliser.ret_rms),
     }
     (temporary / _PROGRESS_FILE).write_text(json.dumps(state), encoding="utf-8")
@@ -54,6 +55,13 @@ def save_checkpoint(folder: Path, model: PPO, normaliser: VecNormalize, policy: 
     shutil.rmtree(target, ignore_errors=True)
     temporary.rename(target)
     return target
+
+
+def walkers(normaliser: VecNormalize) -> ProsthesisVecEnv:
+    """Return the environment under its wrappers."""
+    env = normaliser.unwrapped
+    assert isinstance(env, ProsthesisVecEnv)
+    return env
 
 
 def latest_checkpoint(folder: Path) -> Path:
@@ -69,7 +77,9 @@ def load_checkpoint(checkpoint: Path, model: PPO, normaliser: VecNormalize) -> P
     try:
         state = json.loads((checkpoint / _PROGRESS_FILE).read_text(encoding="utf-8"))
         model.set_parameters(str(checkpoint / _MODEL_FILE), exact_match=True, device="cpu")
-        _from_json(state.pop("observation_statistics"), observation_statistics(normaliser))
+        moments = state.pop("observation_statistics")
+        mean, variance = (np.asarray(moments[name], dtype=np.float64) for name in ("mean", "variance"))
+        walkers(normaliser).set_observation_moments(ObservationMoments(float(moments["number"]), mean, variance))
         _from_json(state.pop("return_statistics"), normaliser.ret_rms)
         return Progress(**state)
     except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:

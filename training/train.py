@@ -62,11 +62,18 @@ class Trainer:
         options = settings.training
         self.threads = options.env_threads or None
         torch.set_num_threads(options.torch_threads)
-        self.env = ProsthesisVecEnv(settings.num_envs, settings.env, threads=self.threads, staggered=True)
+        self.env = ProsthesisVecEnv(
+            settings.num_envs,
+            settings.env,
+            threads=self.threads,
+            staggered=True,
+            normalise_observations=True,
+            clip_observation=settings.policy.clip_observation,
+        )
         self.normaliser = VecNormalize(
             BoundedReward(self.env, options.clip_reward),
+            norm_obs=False,
             norm_reward=options.normalise_reward,
-            clip_obs=settings.policy.clip_observation,
             gamma=settings.ppo.gamma,
         )
         self.model = _model(settings, self.normaliser)
@@ -123,7 +130,8 @@ class Trainer:
 
     def policy(self) -> Policy:
         """Return the present policy."""
-        return export_policy(self.model, self.normaliser, self.settings.env)
+        clip = self.settings.policy.clip_observation
+        return export_policy(self.model, self.env.observation_moments, clip, self.settings.env)
 
     def evaluate(self) -> str:
         """Run the validation episodes, keep the policy if it is the best so far, and say how it went."""

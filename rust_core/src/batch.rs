@@ -1,6 +1,6 @@
 //! N environments as blocks of lanes, stepped on the caller's thread or over a pool of threads.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -11,7 +11,8 @@ use crate::params::within;
 use crate::recorder::Recorder;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
-use crate::simulation::Scratch;
+use crate::simulation::{Model, Scratch};
+use crate::statistics::Normaliser;
 
 /// Walkers per wide block: one AVX-512 register of `f64`.
 pub const LANES: usize = 8;
@@ -24,7 +25,7 @@ const BLOCKS_PER_TASK: usize = 4;
 
 /// A block of environments of some width; `lane` and the slices' lengths cover its used lanes.
 trait Block: Send + Sync + std::fmt::Debug {
-    fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>);
+    fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches);
     fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches);
     fn observations(&self) -> &[f32];
     fn ended(&self, lane: usize) -> bool;
@@ -41,34 +42,43 @@ struct Scratches {
     wide: Option<Box<Scratch<LANES>>>,
 }
 
+/// Environments and the constants of their walkers, which all blocks share.
+#[derive(Debug)]
+struct Walking<const L: usize> {
+    model: Arc<Model<L>>,
+    environments: Environments<L>,
+}
+
 macro_rules! block {
     ($width:expr, $step:expr, $scratch:ident) => {
-        impl Block for Environments<$width> {
-            fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>) {
+        impl Block for Walking<$width> {
+            fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches) {
                 let lanes = std::array::from_fn(|lane| mask.get(lane).is_some_and(|&selected| selected));
-                self.reset(setup, &lanes, |lane| seeds.map(|seeds| seeds[lane]));
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                let seed = |lane: usize| seeds.map(|seeds| seeds[lane]);
+                self.environments.reset(setup, &self.model, &lanes, seed, scratch);
             }
             fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches) {
-                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(self.scratch()));
-                $step(self, setup, actions, output, scratch);
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                $step(&mut self.environments, setup, &self.model, actions, output, scratch);
             }
             fn observations(&self) -> &[f32] {
-                self.observations()
+                self.environments.observations()
             }
             fn ended(&self, lane: usize) -> bool {
-                self.ended(lane)
+                self.environments.ended(lane)
             }
             fn episode(&self, lane: usize) -> Option<&Episode> {
-                self.episode(lane)
+                self.environments.episode(lane)
             }
             fn record(&mut self, lane: usize) {
-                self.record(lane);
+                self.environments.record(lane);
             }
             fn recording(&self) -> Option<&Recorder> {
-                self.recording()
+                self.environments.recording()
             }
             fn bytes(&self) -> usize {
-                size_of::<Self>() + size_of_val(self.observations())
+                size_of::<Self>() + size_of_val(self.environments.observations())
             }
         }
     };
@@ -84,11 +94,12 @@ block!(LANES, step_wide, wide);
 fn step_wide(
     block: &mut Environments<LANES>,
     setup: &Setup,
+    model: &Model<LANES>,
     actions: &[f64],
     output: &mut StepOutput<'_>,
     scratch: &mut Scratch<LANES>,
 ) {
-    block.step(setup, actions, output, scratch);
+    block.step(setup, model, actions, output, scratch);
 }
 
 /// N environments.
@@ -103,6 +114,8 @@ pub struct Batch {
     pool: Option<Pool>,
     /// For steps on the caller's thread.
     scratches: Scratches,
+    /// Statistics of the observations, where they are normalised.
+    pub normaliser: Option<Normaliser>,
 }
 
 /// Threads, their scratches, and the process that they live in.
@@ -120,16 +133,18 @@ impl Batch {
         within(0.0, 1024.0).check("threads", threads as f64, "")?;
         let setup = Setup::new(config, autoreset)?;
         let width = if num_envs < SCALAR_BELOW { 1 } else { LANES };
-        let blocks = (0..num_envs.div_ceil(width))
-            .map(|_| -> Box<dyn Block> {
-                if width == 1 {
-                    Box::new(Environments::<1>::new(&setup))
-                } else {
-                    Box::new(Environments::<LANES>::new(&setup))
-                }
-            })
-            .collect();
-        Ok(Self { setup, blocks, width, num_envs, threads, pool: None, scratches: Scratches::default() })
+        let blocks = num_envs.div_ceil(width);
+        let blocks = if width == 1 { walkers::<1>(&setup, blocks) } else { walkers::<LANES>(&setup, blocks) };
+        Ok(Self {
+            setup,
+            blocks,
+            width,
+            num_envs,
+            threads,
+            pool: None,
+            scratches: Scratches::default(),
+            normaliser: None,
+        })
     }
 
     /// Number of environments.
@@ -159,20 +174,38 @@ impl Batch {
             self.check_length("seeds", seeds.len())?;
         }
         for ((i, block), mask) in self.blocks.iter_mut().enumerate().zip(mask.chunks(self.width)) {
-            block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]));
+            block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]), &mut self.scratches);
         }
         Ok(())
     }
 
-    /// Copies the newest observations, (N, observation size).
-    pub fn observations(&self, into: &mut [f32]) {
+    /// Copies the newest observations, (N, observation size), normalised if that is asked for.
+    pub fn observations(&mut self, into: &mut [f32]) {
+        self.raw_observations(into);
+        if let Some(normaliser) = &mut self.normaliser {
+            normaliser.see(into);
+            normaliser.normalise(into);
+        }
+    }
+
+    fn raw_observations(&self, into: &mut [f32]) {
         for (block, slot) in self.blocks.iter().zip(into.chunks_mut(self.width * self.observation_size())) {
             slot.copy_from_slice(&block.observations()[..slot.len()]);
         }
     }
 
     /// Advances every environment by `action.hold` control periods. Actions must be finite.
-    pub fn step(&mut self, actions: &[f64], output: StepOutput<'_>) -> Result<()> {
+    pub fn step(&mut self, actions: &[f64], mut output: StepOutput<'_>) -> Result<()> {
+        self.step_raw(actions, output.reborrow())?;
+        if let Some(normaliser) = &mut self.normaliser {
+            normaliser.see(output.observations);
+            normaliser.normalise(output.observations);
+            normaliser.normalise(output.final_observations);
+        }
+        Ok(())
+    }
+
+    fn step_raw(&mut self, actions: &[f64], output: StepOutput<'_>) -> Result<()> {
         self.check_length("actions", actions.len())?;
         if let Some(index) = actions.iter().position(|action| !action.is_finite()) {
             within(-1.0, 1.0).check(&format!("actions[{index}]"), actions[index], "")?;
@@ -227,6 +260,17 @@ impl Batch {
     }
 }
 
+/// Blocks of equal walkers.
+fn walkers<const L: usize>(setup: &Setup, blocks: usize) -> Vec<Box<dyn Block>>
+where
+    Walking<L>: Block + 'static,
+{
+    let model = Arc::new(Model::new(&setup.config));
+    let environments = Environments::new(setup, &model, &mut Scratch::new(&model));
+    let block = || Walking { model: Arc::clone(&model), environments: environments.clone() };
+    (0..blocks).map(|_| -> Box<dyn Block> { Box::new(block()) }).collect()
+}
+
 /// The pool of this process: a pool does not survive a fork, so a child builds its own.
 fn pool(slot: &mut Option<Pool>, threads: usize) -> Result<(&rayon::ThreadPool, &[Mutex<Scratches>])> {
     let process = std::process::id();
@@ -267,8 +311,11 @@ fn split<'a>(
         .zip(output.terms.chunks_mut(lanes * TERMS.len()))
         .zip(output.reasons.chunks_mut(lanes))
         .zip(output.started.chunks_mut(lanes))
-        .map(move |(((((((actions, observations), rewards), terminated), truncated), terms), reasons), started)| {
-            let final_observations = next_final();
+        .zip(output.episode_returns.chunks_mut(lanes))
+        .zip(output.episode_steps.chunks_mut(lanes))
+        .zip(output.episode_terms.chunks_mut(lanes * TERMS.len()))
+        .map(move |(((((part, reasons), started), episode_returns), episode_steps), episode_terms)| {
+            let (((((actions, observations), rewards), terminated), truncated), terms) = part;
             let part = StepOutput {
                 observations,
                 rewards,
@@ -276,8 +323,11 @@ fn split<'a>(
                 truncated,
                 terms,
                 reasons,
-                final_observations,
+                final_observations: next_final(),
                 started,
+                episode_returns,
+                episode_steps,
+                episode_terms,
             };
             (actions, part)
         })

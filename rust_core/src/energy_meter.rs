@@ -21,7 +21,7 @@ pub struct EnergyMeter<const L: usize> {
 
 impl<const L: usize> EnergyMeter<L> {
     /// Advances the plant by one control period and adds up the work that is done in it.
-    pub fn advance(&mut self, plant: &mut HumanProsthesis<L>, state: &mut State<L>, solver: &SolverParams) {
+    pub fn advance(&mut self, plant: &mut HumanProsthesis<'_, L>, state: &mut State<L>, solver: &SolverParams) {
         let mut metered = MeteredState { state: state.clone(), meter: self.clone() };
         let mut work = Workspace::new(&metered);
         integrator::advance(
@@ -63,11 +63,11 @@ impl<const L: usize> StateVector<L> for MeteredState<L> {
 }
 
 /// The plant with its work integrated beside its state, by the same quadrature.
-struct Metered<'a, const L: usize> {
-    plant: &'a mut HumanProsthesis<L>,
+struct Metered<'a, 'b, const L: usize> {
+    plant: &'a mut HumanProsthesis<'b, L>,
 }
 
-impl<const L: usize> HybridFlow<L> for Metered<'_, L> {
+impl<const L: usize> HybridFlow<L> for Metered<'_, '_, L> {
     type State = MeteredState<L>;
 
     fn sense(&mut self, state: &Self::State) {
@@ -77,7 +77,7 @@ impl<const L: usize> HybridFlow<L> for Metered<'_, L> {
     fn rates(&mut self, state: &Self::State, implicit_step: &[f64; L], rates: &mut Self::State) {
         self.plant.rates(&state.state, implicit_step, &mut rates.state);
         for lane in 0..L {
-            let powers = self.plant.powers(&state.state, lane);
+            let powers = self.plant.at(&state.state).powers(lane);
             for (power, &watts) in powers.iter().enumerate() {
                 rates.meter.work[power][lane] = watts;
                 rates.meter.exchanged[power][lane] = watts.abs();

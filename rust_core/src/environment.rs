@@ -7,14 +7,14 @@ use rand_pcg::Pcg64;
 
 use crate::config::Config;
 use crate::error::Result;
-use crate::math::{SPLITMIX_STEP, scramble};
+use crate::math::{SPLITMIX_STEP, max, scramble, select};
 use crate::prosthesis_controller::agent::{self, ActionMap, LONGEST_FRAME};
 use crate::recorder::Recorder;
-use crate::reward::{self, Outcome, TERMS};
+use crate::reward::{self, Outcome, TERMS, Terms, TermsLanes};
 use crate::scenario::Episode;
 use crate::signals::GRAVITY;
-use crate::simulation::{Scratch, Simulation};
-use crate::termination::{Posture, Reason};
+use crate::simulation::{Model, Sampled, Scratch, Simulation};
+use crate::termination::{Posture, PostureLanes, Reason, TerminationParams};
 
 /// What happens to an environment after its episode has ended (Gymnasium's `AutoresetMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,6 +34,10 @@ struct Env {
     episode: u64,
     last_command: f64,
     ended: bool,
+    /// Of the present episode so far.
+    steps: u32,
+    total_reward: f64,
+    terms: Terms,
 }
 
 /// What one step of a slice of environments writes.
@@ -55,6 +59,31 @@ pub struct StepOutput<'a> {
     pub final_observations: &'a mut [f32],
     /// (N,): reset in this step.
     pub started: &'a mut [bool],
+    /// (N,): sum of rewards of the episode that this step belongs to, so far.
+    pub episode_returns: &'a mut [f64],
+    /// (N,): its steps so far.
+    pub episode_steps: &'a mut [u32],
+    /// (N, number of terms): sums of its terms; written where the episode has ended.
+    pub episode_terms: &'a mut [f64],
+}
+
+impl StepOutput<'_> {
+    /// The same for a shorter time.
+    pub fn reborrow(&mut self) -> StepOutput<'_> {
+        StepOutput {
+            observations: self.observations,
+            rewards: self.rewards,
+            terminated: self.terminated,
+            truncated: self.truncated,
+            terms: self.terms,
+            reasons: self.reasons,
+            final_observations: self.final_observations,
+            started: self.started,
+            episode_returns: self.episode_returns,
+            episode_steps: self.episode_steps,
+            episode_terms: self.episode_terms,
+        }
+    }
 }
 
 /// What all environments of a batch share.
@@ -65,7 +94,6 @@ pub struct Setup {
     /// What happens after an episode's end.
     pub autoreset: Autoreset,
     action: ActionMap,
-    weights: [f64; TERMS.len()],
     last_sample: u64,
     frame_size: usize,
 }
@@ -74,11 +102,10 @@ impl Setup {
     /// Checks the configuration.
     pub fn new(config: Config, autoreset: Autoreset) -> Result<Self> {
         config.validate()?;
-        let weights = config.reward.weights();
         let last_sample = config.scenario.samples();
         let action = ActionMap::new(&config);
         let frame_size = agent::channels(config.device.kind).len();
-        Ok(Self { config, autoreset, action, weights, last_sample, frame_size })
+        Ok(Self { config, autoreset, action, last_sample, frame_size })
     }
 
     /// Length of one environment's observation.
@@ -107,32 +134,34 @@ pub struct Environments<const L: usize> {
 
 impl<const L: usize> Environments<L> {
     /// Environments that walk along until their first [`reset`](Self::reset), so that unused lanes need no special case.
-    pub fn new(setup: &Setup) -> Self {
+    pub fn new(setup: &Setup, model: &Model<L>, scratch: &mut Scratch<L>) -> Self {
         let mut environments = Self {
-            simulation: Simulation::new(&setup.config),
+            simulation: Simulation::new(model),
             envs: [Env::default(); L],
             observations: vec![0.0; L * setup.observation_size()],
             recorder: None,
         };
-        environments.start(setup, &[true; L]);
+        environments.start(setup, model, &[true; L], scratch);
         environments
     }
 
     /// Starts lane `i` where `lanes[i]` is set: at episode 0 of a new seed, or at the next episode of its old one.
-    pub fn reset(&mut self, setup: &Setup, lanes: &[bool; L], seed: impl Fn(usize) -> Option<u64>) {
+    pub fn reset(
+        &mut self,
+        setup: &Setup,
+        model: &Model<L>,
+        lanes: &[bool; L],
+        seed: impl Fn(usize) -> Option<u64>,
+        scratch: &mut Scratch<L>,
+    ) {
         for lane in (0..L).filter(|&lane| lanes[lane]) {
             if let Some(seed) = seed(lane) {
                 self.envs[lane] = Env { seed, ..Env::default() };
             }
         }
         if lanes.contains(&true) {
-            self.start(setup, lanes);
+            self.start(setup, model, lanes, scratch);
         }
-    }
-
-    /// Storage for steps of environments like these.
-    pub fn scratch(&self) -> Scratch<L> {
-        Scratch::new(&self.simulation)
     }
 
     /// Newest observations, (L, observation size).
@@ -167,16 +196,18 @@ impl<const L: usize> Environments<L> {
 
     /// Starts the next episode of the given lanes.
     #[inline(always)]
-    fn start(&mut self, setup: &Setup, lanes: &[bool; L]) {
+    fn start(&mut self, setup: &Setup, model: &Model<L>, lanes: &[bool; L], scratch: &mut Scratch<L>) {
         for lane in (0..L).filter(|&lane| lanes[lane]) {
             let env = &mut self.envs[lane];
             let mut random = random_stream(env.seed, env.episode);
             env.episode += 1;
             env.ended = false;
             env.last_command = 0.0;
-            self.simulation.start(lane, setup.config.scenario.draw(&mut random));
+            (env.steps, env.total_reward, env.terms) = (0, 0.0, Terms::default());
+            let episode = setup.config.scenario.draw(&mut random);
+            self.simulation.start(model, lane, episode, scratch);
         }
-        self.simulation.observe_started(lanes);
+        self.simulation.observe_started(model, lanes, scratch);
         for lane in (0..L).filter(|&lane| lanes[lane]) {
             let frame = self.frame(setup, lane);
             self.observation_mut(setup, lane)
@@ -184,7 +215,7 @@ impl<const L: usize> Environments<L> {
                 .for_each(|slot| slot.copy_from_slice(&frame[..setup.frame_size]));
             if let Some((_, recorder)) = self.recorder.as_mut().filter(|(recorded, _)| *recorded == lane) {
                 *recorder = Recorder::default();
-                recorder.push(&self.simulation, lane);
+                recorder.push(&Sampled { model, simulation: &self.simulation, scratch }, lane);
             }
         }
     }
@@ -210,38 +241,43 @@ impl<const L: usize> Environments<L> {
 
     /// Advances every lane by one action of `action.hold` control periods; `actions` and `output` cover the used lanes.
     #[inline(always)]
-    pub fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratch: &mut Scratch<L>) {
+    pub fn step(
+        &mut self,
+        setup: &Setup,
+        model: &Model<L>,
+        actions: &[f64],
+        output: &mut StepOutput<'_>,
+        scratch: &mut Scratch<L>,
+    ) {
         let used = actions.len();
         let skipped: [bool; L] = std::array::from_fn(|lane| self.envs[lane].ended);
         let mut reasons = [Reason::None; L];
-        let mut terms = [[0.0; TERMS.len()]; L];
-        let running =
-            |reasons: &[Reason; L], lane: usize| lane < used && !skipped[lane] && reasons[lane] == Reason::None;
+        let mut terms = TermsLanes::<L>::default();
 
         for held in 0..setup.config.action.hold {
             let mut commands = [0.0; L];
+            let mut changes = [0.0; L];
             for lane in 0..used {
                 let fsm = self.simulation.state_machine_command[lane];
                 commands[lane] = setup.action.command(actions[lane], fsm);
+                if held == 0 {
+                    changes[lane] = setup.action.relative(commands[lane] - self.envs[lane].last_command);
+                }
             }
-            self.simulation.advance_with(&commands, scratch);
+            self.simulation.advance(model, &commands, scratch);
+            let (period_terms, period_reasons) = self.judge(setup, model, scratch, &changes);
             for lane in 0..used {
-                if !running(&reasons, lane) {
+                if skipped[lane] || reasons[lane] != Reason::None {
                     continue;
                 }
-                let reason = self.check(setup, lane);
-                let change = if held == 0 { commands[lane] - self.envs[lane].last_command } else { 0.0 };
-                let outcome = self.outcome(setup, lane, reason, change);
-                for (sum, term) in terms[lane].iter_mut().zip(reward::terms(&outcome)) {
-                    *sum += term;
+                terms.set(lane, terms.get(lane).plus(&period_terms.get(lane)));
+                reasons[lane] = period_reasons[lane];
+                if let Some((_, recorder)) = self.recorder.as_mut().filter(|(recorded, _)| *recorded == lane) {
+                    recorder.push(&Sampled { model, simulation: &self.simulation, scratch }, lane);
                 }
                 self.envs[lane].last_command = commands[lane];
-                reasons[lane] = reason;
-                if reason != Reason::None || held + 1 == setup.config.action.hold {
+                if reasons[lane] != Reason::None || held + 1 == setup.config.action.hold {
                     self.push_frame(setup, lane);
-                }
-                if let Some((_, recorder)) = self.recorder.as_mut().filter(|(recorded, _)| *recorded == lane) {
-                    recorder.push(&self.simulation, lane);
                 }
             }
         }
@@ -255,8 +291,22 @@ impl<const L: usize> Environments<L> {
                 Autoreset::SameStep => ends,
                 Autoreset::Disabled => false,
             };
-            output.rewards[lane] = terms[lane].iter().zip(&setup.weights).map(|(term, weight)| term * weight).sum();
-            output.terms[lane * TERMS.len()..(lane + 1) * TERMS.len()].copy_from_slice(&terms[lane]);
+            let terms = terms.get(lane);
+            let reward = terms.reward(&setup.config.reward);
+            let row = lane * TERMS.len()..(lane + 1) * TERMS.len();
+            output.rewards[lane] = reward;
+            output.terms[row.clone()].copy_from_slice(&terms.values());
+            let env = &mut self.envs[lane];
+            if !skipped[lane] {
+                env.steps += 1;
+                env.total_reward += reward;
+                env.terms = env.terms.plus(&terms);
+            }
+            output.episode_returns[lane] = env.total_reward;
+            output.episode_steps[lane] = env.steps;
+            if ends {
+                output.episode_terms[row].copy_from_slice(&env.terms.values());
+            }
             output.terminated[lane] = ends && reasons[lane] != Reason::TimeLimit;
             output.truncated[lane] = reasons[lane] == Reason::TimeLimit;
             output.reasons[lane] = reasons[lane] as u8;
@@ -267,48 +317,79 @@ impl<const L: usize> Environments<L> {
             if setup.autoreset == Autoreset::SameStep {
                 output.final_observations.copy_from_slice(&self.observations[..used * size]);
             }
-            self.start(setup, &starting);
+            self.start(setup, model, &starting, scratch);
         }
         output.observations.copy_from_slice(&self.observations[..used * size]);
     }
 
-    fn check(&self, setup: &Setup, lane: usize) -> Reason {
-        let simulation = &self.simulation;
-        let motion = simulation.state.motion.get(lane);
-        let posture = Posture {
-            hip_height: simulation.plant.hip_height(&simulation.state, lane),
-            knee_flexion: simulation.plant.knee_flexion(lane),
-            ankle: simulation.plant.joints(lane).ankle,
-            fastest_rad_s: motion.thigh_rate.abs().max(motion.shank_rate.abs()).max(motion.foot_rate.abs()),
-            extension_stop_nm: simulation.plant.extension_stop_peak[lane],
-            checksum: simulation.state.checksum(lane),
-        };
-        match setup.config.termination.check(&posture) {
-            Reason::None if simulation.sample[lane] >= setup.last_sample => Reason::TimeLimit,
-            reason => reason,
+    /// Terms of the control period that has just passed, and which of the lanes it has ended and why.
+    #[inline(always)]
+    fn judge(
+        &self,
+        setup: &Setup,
+        model: &Model<L>,
+        scratch: &Scratch<L>,
+        changes: &[f64; L],
+    ) -> (TermsLanes<L>, [Reason; L]) {
+        let sampled = Sampled { model, simulation: &self.simulation, scratch };
+        let limits = &setup.config.termination;
+        let mut postures = PostureLanes::<L>::default();
+        for lane in 0..L {
+            postures.set(lane, posture(&sampled, lane));
         }
+        let mut failed = [false; L];
+        for lane in 0..L {
+            failed[lane] = limits.ends(&postures.get(lane));
+        }
+        let mut terms = TermsLanes::default();
+        for lane in 0..L {
+            let diverged = TerminationParams::diverged(&postures.get(lane));
+            terms.set(lane, reward::terms(&outcome(&sampled, lane, changes[lane]), failed[lane], diverged));
+        }
+        let reasons = std::array::from_fn(|lane| {
+            if failed[lane] {
+                limits.reason(&postures.get(lane))
+            } else if self.simulation.sample[lane] >= setup.last_sample {
+                Reason::TimeLimit
+            } else {
+                Reason::None
+            }
+        });
+        (terms, reasons)
     }
+}
 
-    fn outcome(&self, setup: &Setup, lane: usize, reason: Reason, command_change: f64) -> Outcome {
-        let simulation = &self.simulation;
-        let plant = &simulation.plant;
-        let mass = plant.body(lane).mass;
-        let points = [0, 1]
-            .map(|point| (plant.contact(point, lane).normal, plant.foot_point(&simulation.state, point, lane).vx));
-        let touching_speed = |&(normal, vx): &(f64, f64)| if normal > 0.0 { vx } else { 0.0 };
-        Outcome {
-            failed: !matches!(reason, Reason::None | Reason::TimeLimit),
-            diverged: reason == Reason::NonFinite,
-            extension_stop_peak: plant.extension_stop_peak[lane],
-            mass,
-            hip_power: plant.hip_torque(lane) * plant.joints(lane).hip_rate,
-            knee_angle: plant.knee_flexion(lane),
-            tube_force_bw: simulation.truth.tube_force_bw[lane],
-            ground_force_bw: plant.sole_load(lane).iter().sum::<f64>() / (mass * GRAVITY),
-            sole_speed: points.iter().map(touching_speed).fold(0.0, f64::max),
-            electrical_power: plant.unit.electrical_powers(lane, &simulation.state.rotor.get(lane))[0],
-            command_change: setup.action.relative(command_change),
-        }
+#[inline(always)]
+fn posture<const L: usize>(sampled: &Sampled<'_, L>, lane: usize) -> Posture {
+    let plant = sampled.plant();
+    let motion = plant.motion(lane);
+    Posture {
+        hip_height: plant.hip_height(lane),
+        knee_flexion: plant.knee_flexion(lane),
+        ankle: plant.joints(lane).ankle,
+        fastest_rad_s: max(max(motion.thigh_rate.abs(), motion.shank_rate.abs()), motion.foot_rate.abs()),
+        extension_stop_nm: sampled.simulation.walkers.extension_stop_peak[lane],
+        checksum: sampled.simulation.state.checksum(lane),
+    }
+}
+
+#[inline(always)]
+fn outcome<const L: usize>(sampled: &Sampled<'_, L>, lane: usize, command_change: f64) -> Outcome {
+    let plant = sampled.plant();
+    let mass = plant.body(lane).mass;
+    let [rear, front] = plant.sole_load(lane);
+    let heel_speed = select(plant.contact_force(0, lane) > 0.0, plant.foot_point(0, lane).vx, 0.0);
+    let ball_speed = select(plant.contact_force(1, lane) > 0.0, plant.foot_point(1, lane).vx, 0.0);
+    Outcome {
+        extension_stop_peak: sampled.simulation.walkers.extension_stop_peak[lane],
+        mass,
+        hip_power: plant.hip_torque(lane) * plant.joints(lane).hip_rate,
+        electrical_power: plant.electrical_powers(lane)[0],
+        knee_angle: plant.knee_flexion(lane),
+        tube_force_bw: sampled.scratch.truth.tube_force_bw[lane],
+        ground_force_bw: (rear + front) / (mass * GRAVITY),
+        sole_speed: max(max(heel_speed, ball_speed), 0.0),
+        command_change,
     }
 }
 

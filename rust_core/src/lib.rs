@@ -41,4 +41,5 @@ pub mod environment;
 mod python;
 pub mod recorder;
 pub mod reward;
+pub mod statistics;
 pub mod termination;

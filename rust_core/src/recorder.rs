@@ -4,7 +4,7 @@
 use crate::human_controller::gait_fsm::IntactState;
 use crate::prosthesis_device::geared_motor::Rotor;
 use crate::signals::{CONTROL_PERIOD_S, GRAVITY};
-use crate::simulation::Simulation;
+use crate::simulation::Sampled;
 
 /// Names of the columns, units included, in the order of every row.
 pub const COLUMNS: [&str; 58] = [
@@ -92,20 +92,20 @@ pub struct Recorder {
 
 impl Recorder {
     /// Appends the present sample of `lane`.
-    pub fn push<const L: usize>(&mut self, simulation: &Simulation<L>, lane: usize) {
-        self.push_strikes(simulation, lane);
-        let rotor = simulation.state.rotor.get(lane);
+    pub fn push<const L: usize>(&mut self, sampled: &Sampled<'_, L>, lane: usize) {
+        self.push_strikes(sampled, lane);
+        let rotor = sampled.simulation.state.rotor.get(lane);
         let since_last = |now: f64, last: f64| (now - last) / CONTROL_PERIOD_S;
         let rotor_power = since_last(rotor.rotor_work, self.rotor.rotor_work);
         let joule_power = since_last(rotor.joule_heat, self.rotor.joule_heat);
         let powers =
             [rotor_power, rotor_power + joule_power, joule_power, since_last(rotor.knee_work, self.rotor.knee_work)];
         self.rotor = rotor;
-        self.rows.push(row(simulation, lane, powers));
+        self.rows.push(row(sampled, lane, powers));
     }
 
-    fn push_strikes<const L: usize>(&mut self, simulation: &Simulation<L>, lane: usize) {
-        let memory = simulation.plant.memory(lane);
+    fn push_strikes<const L: usize>(&mut self, sampled: &Sampled<'_, L>, lane: usize) {
+        let memory = sampled.simulation.walkers.memory(lane);
         let mut new = Vec::new();
         if memory.heel_strikes > self.heel_strikes {
             self.heel_strikes = memory.heel_strikes;
@@ -124,40 +124,41 @@ impl Recorder {
 
 /// `powers`: means since the previous row of rotor, electrical, Joule and knee power, W.
 fn row<const L: usize>(
-    simulation: &Simulation<L>,
+    sampled: &Sampled<'_, L>,
     lane: usize,
     [rotor_power, electrical_power, joule_power, knee_power]: [f64; 4],
 ) -> [f64; COLUMNS.len()] {
-    let plant = &simulation.plant;
+    let Sampled { model, simulation, scratch } = *sampled;
+    let (plant, walkers) = (sampled.plant(), &simulation.walkers);
     let motion = simulation.state.motion.get(lane);
     let smooth = simulation.state.reference.get(lane);
     let time = simulation.state.rest.time[lane];
     let body = plant.body(lane);
-    let memory = plant.memory(lane);
+    let memory = walkers.memory(lane);
     let device = plant.device(lane);
     let trunk = plant.trunk_force(lane);
-    let reactions = plant.reactions(&simulation.state, lane);
-    let (pendulum_foot_x, grounded) = plant.pendulum_foot(lane);
+    let reactions = plant.reactions(lane);
+    let (pendulum_foot_x, grounded) = walkers.pendulum_foot(lane);
     let [rear_load, front_load] = plant.sole_load(lane);
-    let socket = plant.socket(&simulation.state, lane);
-    let truth = simulation.truth.get(lane);
+    let socket = plant.socket(lane);
+    let truth = scratch.truth.get(lane);
     let weight = body.mass * GRAVITY;
     let rotor = simulation.state.rotor.get(lane);
-    let motor = plant.unit.motor_signals(lane);
-    let (motor_limit, torque_per_ampere) = plant.unit.motor_scale(lane);
-    let commanded_current = if motor_limit > 0.0 { plant.command[lane] } else { 0.0 };
+    let motor = plant.motor_signals(lane);
+    let (motor_limit, torque_per_ampere) = model.plant.unit.motor_scale(lane);
+    let commanded_current = if motor_limit > 0.0 { walkers.command[lane] } else { 0.0 };
     [
         time,
-        plant.intent[lane],
-        plant.profile[lane].speed(time),
+        walkers.intent[lane],
+        walkers.profile[lane].speed(time),
         memory.ambulation_speed,
         motion.hip_x,
         motion.hip_y,
         motion.hip_vx,
-        plant.trunk_angle(&simulation.state, lane).to_degrees(),
+        plant.trunk_angle(lane).to_degrees(),
         motion.thigh.to_degrees(),
         (smooth.trunk + smooth.hip).to_degrees(),
-        plant.rough_thigh(&simulation.state, lane).to_degrees(),
+        plant.rough_thigh(lane).to_degrees(),
         device.knee_angle.to_degrees(),
         // -q8 - 4 deg: plantarflexion is positive, a right angle between foot and shank is 0.
         -(plant.joints(lane).ankle + body.foot_mount).to_degrees(),
@@ -171,17 +172,17 @@ fn row<const L: usize>(
         plant.hip_torque(lane) / body.mass,
         device.extension_stop,
         device.flexion_stop,
-        plant.foot_height(&simulation.state, 0, lane),
-        plant.foot_height(&simulation.state, 1, lane),
+        plant.foot_height(0, lane),
+        plant.foot_height(1, lane),
         rear_load / weight,
         front_load / weight,
         f64::from(memory.residual as u8),
         f64::from(memory.intact as u8),
         f64::from(simulation.state_machine[lane].phase()),
-        plant.command[lane],
-        plant.extension_stop_peak[lane],
+        walkers.command[lane],
+        walkers.extension_stop_peak[lane],
         if grounded { pendulum_foot_x } else { f64::NAN },
-        plant.push_x[lane],
+        walkers.push_x[lane],
         motor.current,
         commanded_current,
         rotor.rate,
@@ -192,7 +193,7 @@ fn row<const L: usize>(
         electrical_power,
         joule_power,
         knee_power,
-        plant.ground_height(lane, motion.hip_x),
+        model.plant.ground_height(lane, motion.hip_x),
         if grounded { memory.slip_foot_y } else { f64::NAN },
         socket.pistoning,
         socket.tilt,
@@ -206,6 +207,6 @@ fn row<const L: usize>(
         truth.shank_force_y,
         smooth.trunk.to_degrees(),
         reactions.trunk_torque / body.mass,
-        plant.push_y[lane],
+        walkers.push_y[lane],
     ]
 }

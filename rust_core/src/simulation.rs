@@ -7,24 +7,46 @@
 //!             prosthesis controller (state machine or agent) <── sensors        (200 Hz)
 //! ```
 
+use std::ops::Deref;
+
 use crate::config::{Config, SolverParams};
 use crate::energy_meter::EnergyMeter;
-use crate::human_prosthesis::{HumanProsthesis, State};
+use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, Walkers};
 use crate::integrator::{self, HybridFlow, Workspace};
 use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
 use crate::scenario::Episode;
-use crate::sensors::Sensors;
+use crate::sensors::{self, Sensors};
 use crate::signals::{CONTROL_PERIOD_S, Measurand, MeasurandLanes, ReadingsLanes};
 
-/// A block of `L` walkers with their controllers' inputs and outputs.
+/// Constants of the closed loop of a block of walkers. Blocks of equal walkers share one.
+#[derive(Clone, Debug)]
+pub struct Model<const L: usize> {
+    /// Human, mechanism, ground and device.
+    pub plant: human_prosthesis::Model<L>,
+    sensors: sensors::Model,
+    reference: ReferenceParams,
+    solver: SolverParams,
+}
+
+impl<const L: usize> Model<L> {
+    /// Walkers with the given parameters.
+    pub fn new(config: &Config) -> Self {
+        Self {
+            plant: human_prosthesis::Model::new(config),
+            sensors: sensors::Model::new(&config.sensors),
+            reference: ReferenceParams::from(config),
+            solver: config.solver,
+        }
+    }
+}
+
+/// What a block of `L` walkers and their controllers keep between control periods.
 #[derive(Clone, Debug)]
 pub struct Simulation<const L: usize> {
-    /// Human, mechanism, ground and device.
-    pub plant: HumanProsthesis<L>,
     /// Continuous state.
     pub state: State<L>,
-    /// What the sensors sense, at the last sample.
-    pub truth: MeasurandLanes<L>,
+    /// Inputs and discrete state of the human-prosthesis system.
+    pub walkers: Walkers<L>,
     /// Sensors with their noise.
     pub sensors: Sensors<L>,
     /// Last sensor readings.
@@ -36,69 +58,106 @@ pub struct Simulation<const L: usize> {
     /// Control periods since the start of the trial.
     pub sample: [u64; L],
     episode: [Option<Episode>; L],
-    reference: ReferenceParams,
-    solver: SolverParams,
 }
 
-/// Storage that one control period needs and leaves nothing in: threads share it among their blocks, which keeps those small.
+/// Storage that one control period needs: threads share it among their blocks, which keeps those small. Nothing in it lasts.
 #[derive(Clone, Debug)]
 pub struct Scratch<const L: usize> {
     work: Workspace<State<L>>,
     rates: State<L>,
+    /// Signals of the last evaluation.
+    signals: Signals<L>,
+    /// What the sensors sense, at the last sample.
+    pub truth: MeasurandLanes<L>,
 }
 
 impl<const L: usize> Scratch<L> {
-    /// Storage for simulations like this one.
-    pub fn new(simulation: &Simulation<L>) -> Self {
-        Self { work: Workspace::new(&simulation.state), rates: simulation.state.clone() }
+    /// Storage for walkers like these.
+    pub fn new(model: &Model<L>) -> Self {
+        let state = model.plant.state();
+        Self {
+            work: Workspace::new(&state),
+            rates: state,
+            signals: Signals::new(&model.plant),
+            truth: MeasurandLanes::default(),
+        }
+    }
+}
+
+/// A block of walkers after a control period, for those who read and record: everything was evaluated at the present state.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampled<'a, const L: usize> {
+    /// Constants.
+    pub model: &'a Model<L>,
+    /// The walkers.
+    pub simulation: &'a Simulation<L>,
+    /// Signals.
+    pub scratch: &'a Scratch<L>,
+}
+
+impl<'a, const L: usize> Sampled<'a, L> {
+    /// The human-prosthesis system.
+    #[inline(always)]
+    pub fn plant(&self) -> Evaluated<'a, L> {
+        let Simulation { walkers, state, .. } = self.simulation;
+        Evaluated::new(&self.model.plant, walkers, &self.scratch.signals, state)
     }
 }
 
 impl<const L: usize> Simulation<L> {
     /// Walkers that each wait for [`start`](Self::start).
-    pub fn new(config: &Config) -> Self {
-        let plant = HumanProsthesis::new(config);
-        let state = plant.state();
-        let reference = ReferenceParams::from(config);
+    pub fn new(model: &Model<L>) -> Self {
         Self {
-            plant,
-            truth: MeasurandLanes::default(),
-            sensors: Sensors::new(&config.sensors),
+            state: model.plant.state(),
+            walkers: Walkers::default(),
+            sensors: Sensors::new(&model.sensors),
             readings: ReadingsLanes::default(),
-            state_machine: [reference.start(); L],
+            state_machine: [model.reference.start(); L],
             state_machine_command: [0.0; L],
             sample: [0; L],
             episode: std::array::from_fn(|_| None),
-            reference,
-            solver: config.solver,
-            state,
         }
     }
 
     /// Starts `episode` in `lane`; call [`observe_started`](Self::observe_started) after the last start.
-    pub fn start(&mut self, lane: usize, episode: Episode) {
-        self.plant.profile[lane].clone_from(&episode.profile);
-        self.plant.start(&mut self.state, lane, episode.start, episode.human);
-        self.plant.command[lane] = 0.0;
+    pub fn start(&mut self, model: &Model<L>, lane: usize, episode: Episode, scratch: &mut Scratch<L>) {
+        self.walkers.profile[lane].clone_from(&episode.profile);
+        let (mut plant, state) = self.plant(model, scratch);
+        plant.start(state, lane, episode.start, episode.human);
+        self.walkers.command[lane] = 0.0;
         self.sensors.seed[lane] = episode.sensor_seed;
-        self.state_machine[lane] = self.reference.start();
+        self.state_machine[lane] = model.reference.start();
         self.sample[lane] = 0;
         self.episode[lane] = Some(episode);
     }
 
+    /// The human-prosthesis system and its state.
+    #[inline(always)]
+    fn plant<'a>(
+        &'a mut self,
+        model: &'a Model<L>,
+        scratch: &'a mut Scratch<L>,
+    ) -> (HumanProsthesis<'a, L>, &'a mut State<L>) {
+        let plant = HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals: &mut scratch.signals };
+        (plant, &mut self.state)
+    }
+
     /// First sample of the lanes that have just been started.
-    pub fn observe_started(&mut self, started: &[bool; L]) {
+    pub fn observe_started(&mut self, model: &Model<L>, started: &[bool; L], scratch: &mut Scratch<L>) {
         self.set_intent();
         self.disturb();
-        self.plant.sense(&self.state);
-        self.plant.rates(&self.state, &[0.0; L], &mut self.state.clone());
+        self.evaluate(model, scratch);
+        self.sensors.start(&model.sensors, started, &scratch.truth, &mut self.readings);
         for lane in (0..L).filter(|&lane| started[lane]) {
-            self.truth.set(lane, self.measure(lane));
+            self.control(model, lane);
         }
-        self.sensors.start(started, &self.truth, &mut self.readings);
-        for lane in (0..L).filter(|&lane| started[lane]) {
-            self.control(lane);
-        }
+    }
+
+    /// Fills `scratch` with the signals at the present state, as the last control period left them.
+    pub fn evaluate(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
+        let (mut plant, state) = self.plant(model, scratch);
+        plant.sense(state);
+        self.measure(model, scratch);
     }
 
     /// The episode that runs in `lane`.
@@ -107,33 +166,42 @@ impl<const L: usize> Simulation<L> {
     }
 
     /// One control period with the given commands to the knee units.
-    pub fn advance(&mut self, commands: &[f64; L]) {
-        self.advance_with(commands, &mut Scratch::new(self));
-    }
-
-    /// The same with storage that the caller keeps.
     #[inline(always)]
-    pub fn advance_with(&mut self, commands: &[f64; L], scratch: &mut Scratch<L>) {
-        self.begin_period(commands);
-        let Self { plant, state, solver, .. } = self;
-        integrator::advance(plant, state, &mut scratch.work, solver.stepper, CONTROL_PERIOD_S, solver.steps);
-        self.finish_period(&mut scratch.rates);
+    pub fn advance(&mut self, model: &Model<L>, commands: &[f64; L], scratch: &mut Scratch<L>) {
+        self.begin_period(model, commands, scratch);
+        let Scratch { work, signals, .. } = scratch;
+        let mut plant = HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals };
+        let SolverParams { stepper, steps } = model.solver;
+        integrator::advance(&mut plant, &mut self.state, work, stepper, CONTROL_PERIOD_S, steps);
+        self.finish_period(model, scratch);
     }
 
     /// Like [`advance`](Self::advance), and integrates the work of all forces beside the state.
-    pub fn advance_metered(&mut self, commands: &[f64; L], meter: &mut EnergyMeter<L>) {
-        self.begin_period(commands);
-        meter.advance(&mut self.plant, &mut self.state, &self.solver);
-        self.finish_period(&mut self.state.clone());
+    pub fn advance_metered(
+        &mut self,
+        model: &Model<L>,
+        commands: &[f64; L],
+        scratch: &mut Scratch<L>,
+        meter: &mut EnergyMeter<L>,
+    ) {
+        self.begin_period(model, commands, scratch);
+        let (mut plant, state) = self.plant(model, scratch);
+        meter.advance(&mut plant, state, &model.solver);
+        self.finish_period(model, scratch);
     }
 
     #[inline(always)]
-    fn begin_period(&mut self, commands: &[f64; L]) {
-        self.plant.command = *commands;
-        self.plant.extension_stop_peak = [0.0; L];
+    fn begin_period(&mut self, model: &Model<L>, commands: &[f64; L], scratch: &mut Scratch<L>) {
+        self.walkers.command = *commands;
+        self.walkers.extension_stop_peak = [0.0; L];
         self.set_intent();
-        self.plant.sense_command(&self.state);
-        self.react();
+        let (mut plant, state) = self.plant(model, scratch);
+        plant.sense(state);
+        // Lets the human react to inputs that have just changed.
+        let fired = plant.fired(state);
+        if fired.contains(&true) {
+            plant.transition(state, &fired);
+        }
         self.disturb();
     }
 
@@ -142,7 +210,7 @@ impl<const L: usize> Simulation<L> {
     fn set_intent(&mut self) {
         for lane in 0..L {
             let time = self.sample[lane] as f64 * CONTROL_PERIOD_S;
-            self.plant.intent[lane] = f64::from(u8::from(self.plant.profile[lane].walks(time)));
+            self.walkers.intent[lane] = f64::from(u8::from(self.walkers.profile[lane].walks(time)));
         }
     }
 
@@ -151,68 +219,142 @@ impl<const L: usize> Simulation<L> {
     fn disturb(&mut self) {
         for lane in 0..L {
             let Some(episode) = &mut self.episode[lane] else { continue };
-            let memory = self.plant.memory(lane);
+            let memory = self.walkers.memory(lane);
             let push = episode.disturbance.force(self.sample[lane], |phase| memory.time_at(phase));
-            (self.plant.push_x[lane], self.plant.push_y[lane]) = (push.x, push.y);
-        }
-    }
-
-    /// Lets the human react to inputs that have just changed.
-    #[inline(always)]
-    fn react(&mut self) {
-        let fired = self.plant.fired(&self.state);
-        if fired.contains(&true) {
-            self.plant.transition(&mut self.state, &fired);
+            (self.walkers.push_x[lane], self.walkers.push_y[lane]) = (push.x, push.y);
         }
     }
 
     #[inline(always)]
-    fn finish_period(&mut self, rates: &mut State<L>) {
+    fn finish_period(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
         for lane in 0..L {
             // The sum of many small steps drifts; the grid does not.
             self.sample[lane] += 1;
             self.state.rest.time[lane] = self.sample[lane] as f64 * CONTROL_PERIOD_S;
         }
-        self.plant.sense_trunk_forces(&self.state);
-        self.plant.rates(&self.state, &[0.0; L], rates);
+        let (mut plant, state) = self.plant(model, scratch);
+        plant.sense_trunk_forces(state);
+        self.measure(model, scratch);
+        self.sensors.sample(&model.sensors, &scratch.truth, &mut self.readings);
         for lane in 0..L {
-            self.truth.set(lane, self.measure(lane));
-        }
-        self.sensors.sample(&self.truth, &mut self.readings);
-        for lane in 0..L {
-            self.control(lane);
+            self.control(model, lane);
         }
     }
 
+    /// Evaluates the sensed state, and what the sensors see of it.
     #[inline(always)]
-    fn measure(&self, lane: usize) -> Measurand {
-        let motion = self.state.motion.get(lane);
-        let reactions = self.plant.reactions(&self.state, lane);
-        let mass = self.plant.body(lane).mass;
-        let [thigh_imu, shank_imu] = self.sensors.imu;
-        let [thigh_force, shank_force] = self.plant.specific_forces(&self.state, lane, thigh_imu, shank_imu);
-        Measurand {
-            knee_angle: self.plant.knee_flexion(lane),
-            tube_force_bw: -reactions.tube_force / (mass * crate::signals::GRAVITY),
-            tube_moment_nm_kg: -reactions.tube_torque / mass,
-            shank_angle: motion.shank,
-            shank_rate: motion.shank_rate,
-            shank_force_x: shank_force.forward,
-            shank_force_y: shank_force.up,
-            thigh_rate: motion.thigh_rate,
-            thigh_force_x: thigh_force.forward,
-            thigh_force_y: thigh_force.up,
-            ankle_moment_nm_kg: -self.plant.device(lane).ankle / mass,
-            motor_position: self.state.rotor.angle[lane],
-            motor_speed: self.state.rotor.rate[lane],
-            motor_current: self.plant.unit.motor_signals(lane).current,
+    fn measure(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
+        let Scratch { signals, rates, .. } = scratch;
+        HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals }.rates(
+            &self.state,
+            &[0.0; L],
+            rates,
+        );
+        for lane in 0..L {
+            let plant = Sampled { model, simulation: self, scratch }.plant();
+            let measurand = measurand(&plant, &model.sensors, lane);
+            scratch.truth.set(lane, measurand);
         }
     }
 
     /// Lets the state machine hear the last readings.
     #[inline(always)]
-    fn control(&mut self, lane: usize) {
+    fn control(&mut self, model: &Model<L>, lane: usize) {
         let readings = self.readings.get(lane);
-        self.state_machine_command[lane] = self.state_machine[lane].update(&self.reference, &readings);
+        self.state_machine_command[lane] = self.state_machine[lane].update(&model.reference, &readings);
+    }
+}
+
+/// True quantities at the places of the sensors.
+#[inline(always)]
+fn measurand<const L: usize>(plant: &Evaluated<'_, L>, sensors: &sensors::Model, lane: usize) -> Measurand {
+    let motion = plant.motion(lane);
+    let reactions = plant.reactions(lane);
+    let mass = plant.body(lane).mass;
+    let [thigh_imu, shank_imu] = sensors.imu;
+    let [thigh_force, shank_force] = plant.specific_forces(lane, thigh_imu, shank_imu);
+    let rotor = plant.rotor(lane);
+    Measurand {
+        knee_angle: plant.knee_flexion(lane),
+        tube_force_bw: -reactions.tube_force / (mass * crate::signals::GRAVITY),
+        tube_moment_nm_kg: -reactions.tube_torque / mass,
+        shank_angle: motion.shank,
+        shank_rate: motion.shank_rate,
+        shank_force_x: shank_force.forward,
+        shank_force_y: shank_force.up,
+        thigh_rate: motion.thigh_rate,
+        thigh_force_x: thigh_force.forward,
+        thigh_force_y: thigh_force.up,
+        ankle_moment_nm_kg: -plant.device(lane).ankle / mass,
+        motor_position: rotor.angle,
+        motor_speed: rotor.rate,
+        motor_current: plant.motor_signals(lane).current,
+    }
+}
+
+/// A block of walkers with all that it needs, for those who look at single walkers.
+#[derive(Clone, Debug)]
+pub struct Trial<const L: usize> {
+    model: Model<L>,
+    simulation: Simulation<L>,
+    scratch: Scratch<L>,
+}
+
+impl<const L: usize> Trial<L> {
+    /// Walkers with the given parameters, each starting its episode.
+    pub fn new(config: &Config, episodes: [Episode; L]) -> Self {
+        let model = Model::new(config);
+        let (mut simulation, mut scratch) = (Simulation::new(&model), Scratch::new(&model));
+        for (lane, episode) in episodes.into_iter().enumerate() {
+            simulation.start(&model, lane, episode, &mut scratch);
+        }
+        simulation.observe_started(&model, &[true; L], &mut scratch);
+        Self { model, simulation, scratch }
+    }
+
+    /// The same walkers from another continuous state.
+    pub fn set_state(&mut self, state: State<L>) {
+        self.simulation.state = state;
+        self.simulation.evaluate(&self.model, &mut self.scratch);
+    }
+
+    /// Continues where `other` is, with this trial's parameters.
+    pub fn continue_from(&mut self, other: &Self) {
+        self.simulation.clone_from(&other.simulation);
+        self.simulation.evaluate(&self.model, &mut self.scratch);
+    }
+
+    /// One control period with the given commands to the knee units.
+    pub fn advance(&mut self, commands: &[f64; L]) {
+        self.simulation.advance(&self.model, commands, &mut self.scratch);
+    }
+
+    /// The same under the commands of the state machines.
+    pub fn advance_controlled(&mut self) {
+        self.advance(&self.simulation.state_machine_command.clone());
+    }
+
+    /// One control period under the state machines, with the work of all forces integrated.
+    pub fn advance_metered(&mut self, meter: &mut EnergyMeter<L>) {
+        let commands = self.simulation.state_machine_command;
+        self.simulation.advance_metered(&self.model, &commands, &mut self.scratch, meter);
+    }
+
+    /// Everything at the present sample.
+    pub fn sampled(&self) -> Sampled<'_, L> {
+        Sampled { model: &self.model, simulation: &self.simulation, scratch: &self.scratch }
+    }
+
+    /// The human-prosthesis system at the present sample.
+    pub fn plant(&self) -> Evaluated<'_, L> {
+        self.sampled().plant()
+    }
+}
+
+impl<const L: usize> Deref for Trial<L> {
+    type Target = Simulation<L>;
+
+    fn deref(&self) -> &Simulation<L> {
+        &self.simulation
     }
 }

@@ -1,5 +1,6 @@
 //! Termination: what ends an episode early, each with a reason.
 
+use crate::lanes::lanes;
 use crate::params::{params, within};
 
 params! {
@@ -36,21 +37,22 @@ pub enum Reason {
 /// Names of [`Reason`], by its number.
 pub const REASONS: [&str; 5] = ["none", "hip_height", "joint_limit", "non_finite", "time_limit"];
 
-/// What termination looks at.
-#[derive(Clone, Copy, Debug)]
-pub struct Posture {
-    /// Hip height above ground, m.
-    pub hip_height: f64,
-    /// Knee flexion, rad.
-    pub knee_flexion: f64,
-    /// Ankle angle from rest, rad.
-    pub ankle: f64,
-    /// Fastest rotation of a segment, rad/s.
-    pub fastest_rad_s: f64,
-    /// Largest torque of the extension stop, N m.
-    pub extension_stop_nm: f64,
-    /// Sum of all state variables: not finite if any of them is not.
-    pub checksum: f64,
+lanes! {
+    /// What termination looks at.
+    pub struct Posture, PostureLanes {
+        /// Hip height above ground, m.
+        hip_height: f64,
+        /// Knee flexion, rad.
+        knee_flexion: f64,
+        /// Ankle angle from rest, rad.
+        ankle: f64,
+        /// Fastest rotation of a segment, rad/s.
+        fastest_rad_s: f64,
+        /// Largest torque of the extension stop, N m.
+        extension_stop_nm: f64,
+        /// Sum of all state variables: not finite if any of them is not.
+        checksum: f64,
+    }
 }
 
 /// Torque of the extension stop that only a diverged integration reaches: impacts of walking stay below 200.
@@ -59,18 +61,39 @@ const DIVERGED_NM: f64 = 5000.0;
 const DIVERGED_RAD_S: f64 = 300.0;
 
 impl TerminationParams {
-    /// Whether and why the posture ends the episode.
-    pub fn check(&self, posture: &Posture) -> Reason {
-        let knee_deg = posture.knee_flexion.to_degrees();
-        let diverged = posture.fastest_rad_s > DIVERGED_RAD_S || posture.extension_stop_nm > DIVERGED_NM;
-        if !posture.checksum.is_finite() || diverged {
+    /// Whether the posture is one that only a diverged integration reaches.
+    #[inline(always)]
+    pub fn diverged(posture: &Posture) -> bool {
+        !posture.checksum.is_finite()
+            | (posture.fastest_rad_s > DIVERGED_RAD_S)
+            | (posture.extension_stop_nm > DIVERGED_NM)
+    }
+
+    /// Whether the posture is beyond a limit, or diverged.
+    #[inline(always)]
+    pub fn ends(&self, posture: &Posture) -> bool {
+        Self::diverged(posture) | self.falls(posture) | self.over_bends(posture)
+    }
+
+    #[inline(always)]
+    fn falls(&self, posture: &Posture) -> bool {
+        posture.hip_height < self.hip_height_m
+    }
+
+    #[inline(always)]
+    fn over_bends(&self, posture: &Posture) -> bool {
+        (posture.knee_flexion < -self.knee_hyperextension_deg.to_radians())
+            | (posture.knee_flexion > self.knee_flexion_deg.to_radians())
+            | (posture.ankle.abs() > self.ankle_deg.to_radians())
+    }
+
+    /// Why the posture ends the episode.
+    pub fn reason(&self, posture: &Posture) -> Reason {
+        if Self::diverged(posture) {
             Reason::NonFinite
-        } else if posture.hip_height < self.hip_height_m {
+        } else if self.falls(posture) {
             Reason::HipHeight
-        } else if knee_deg < -self.knee_hyperextension_deg
-            || knee_deg > self.knee_flexion_deg
-            || posture.ankle.to_degrees().abs() > self.ankle_deg
-        {
+        } else if self.over_bends(posture) {
             Reason::JointLimit
         } else {
             Reason::None

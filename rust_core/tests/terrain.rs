@@ -7,7 +7,7 @@ use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
 use prosthesis_gym_core::human_prosthesis::{POWERS, Start};
 use prosthesis_gym_core::scenario::Episode;
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
-use prosthesis_gym_core::simulation::Simulation;
+use prosthesis_gym_core::simulation::Trial;
 use prosthesis_gym_core::terrain::{self, Terrain};
 
 fn periods(seconds: f64) -> usize {
@@ -15,13 +15,10 @@ fn periods(seconds: f64) -> usize {
 }
 
 /// A walker that starts from standing and walks at 1.1 m/s from `walk_s` on.
-fn standing(config: &Config, walk_s: f64) -> Simulation<1> {
+fn standing(config: &Config, walk_s: f64) -> Trial<1> {
     let knot = |time_s: f64, walk: bool| Knot { time_s, speed_m_s: 1.1, walk };
     let profile = Profile { knots: vec![knot(0.0, false), knot(walk_s, true)] };
-    let mut simulation = Simulation::new(config);
-    simulation.start(0, Episode::undisturbed(Start::Standing, profile));
-    simulation.observe_started(&[true]);
-    simulation
+    Trial::new(config, [Episode::undisturbed(Start::Standing, profile)])
 }
 
 fn on(ground: GroundParams, solver: SolverParams) -> Config {
@@ -55,18 +52,18 @@ fn uneven() -> GroundParams {
 #[test]
 fn the_energy_balance_closes_on_uneven_ground() {
     for ground in [slope(1.0), ramp(-2.0), uneven()] {
-        let mut simulation = standing(&on(ground.clone(), SolverParams::REFERENCE), 1.0);
+        let mut trial = standing(&on(ground.clone(), SolverParams::REFERENCE), 1.0);
         let mut meter = EnergyMeter::default();
-        let energy = |simulation: &Simulation<1>| {
-            let energy = simulation.plant.energy(&simulation.state, 0);
+        let energy = |trial: &Trial<1>| {
+            let energy = trial.plant().energy(0);
             energy.kinetic + energy.potential
         };
-        let start = energy(&simulation);
+        let start = energy(&trial);
         for _ in 0..periods(12.0) {
-            simulation.advance_metered(&[simulation.state_machine_command[0]], &mut meter);
+            trial.advance_metered(&mut meter);
         }
-        assert!(simulation.state.motion.hip_x[0] > 9.0, "it did not walk on {ground:?}");
-        let gained = energy(&simulation) - start;
+        assert!(trial.state.motion.hip_x[0] > 9.0, "it did not walk on {ground:?}");
+        let gained = energy(&trial) - start;
         let work: f64 = meter.work.iter().map(|lanes| lanes[0]).sum();
         let exchanged: f64 = meter.exchanged.iter().map(|lanes| lanes[0]).sum();
         let imbalance = (gained - work).abs() / exchanged;
@@ -87,31 +84,31 @@ fn ground_forces_balance_the_weight_of_a_walker_that_stands_on_a_slope() {
     for slope_deg in [-4.0_f64, 0.0, 4.0] {
         let mut config = on(slope(slope_deg), SolverParams::REFERENCE);
         config.body.foot_mount_deg += slope_deg;
-        let mut simulation = standing(&config, 1e3);
+        let mut trial = standing(&config, 1e3);
         for _ in 0..periods(10.0) {
-            simulation.advance(&[simulation.state_machine_command[0]]);
+            trial.advance_controlled();
         }
-        let half_weight = 0.5 * simulation.plant.body(0).mass * GRAVITY;
+        let half_weight = 0.5 * trial.plant().body(0).mass * GRAVITY;
         let (sin, cos) = slope_deg.to_radians().sin_cos();
-        let contacts = [0, 1].map(|point| simulation.plant.contact(point, 0));
+        let contacts = [0, 1].map(|point| trial.plant().contact(point, 0));
         let normal: f64 = contacts.iter().map(|contact| contact.normal).sum();
         let along: f64 = contacts.iter().map(|contact| contact.tangential).sum();
         println!("{slope_deg} deg: normal {normal:.2} N, along {along:.2} N");
         assert!((normal - half_weight * cos).abs() < 0.005 * half_weight, "{slope_deg}: {normal}");
         assert!((along - half_weight * sin).abs() < 0.005 * half_weight, "{slope_deg}: {along}");
-        assert!((0.88..0.93).contains(&simulation.plant.hip_height(&simulation.state, 0)));
+        assert!((0.88..0.93).contains(&trial.plant().hip_height(0)));
     }
 }
 
 #[test]
 fn small_slopes_and_uneven_ground_are_walked() {
     for ground in [slope(1.0), slope(-1.0), ramp(2.0), ramp(-2.0), uneven()] {
-        let mut simulation = standing(&on(ground.clone(), SolverParams::default()), 1.0);
+        let mut trial = standing(&on(ground.clone(), SolverParams::default()), 1.0);
         for _ in 0..periods(20.0) {
-            simulation.advance(&[simulation.state_machine_command[0]]);
-            assert!(simulation.plant.hip_height(&simulation.state, 0) > 0.8, "{ground:?}");
+            trial.advance_controlled();
+            assert!(trial.plant().hip_height(0) > 0.8, "{ground:?}");
         }
-        let motion = simulation.state.motion.get(0);
+        let motion = trial.state.motion.get(0);
         let rise = terrain::surface(&Terrain::from(&ground), motion.hip_x).height;
         println!("{:.2} m far, {rise:.2} m high", motion.hip_x);
         assert!(motion.hip_x > 18.0, "{ground:?}: {}", motion.hip_x);

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env
@@ -14,7 +15,7 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv, VecNormalize
 
 from prosthesis_gym import ProsthesisEnv, _core
-from prosthesis_gym.sb3 import ProsthesisVecEnv
+from prosthesis_gym.sb3 import ObservationMoments, ProsthesisVecEnv
 
 # Undamped walkers with pushes: of some dozen, some fall within 3 s and the others run into the time limit.
 CONFIG: dict[str, Any] = {
@@ -170,3 +171,52 @@ def test_core_time_is_part_of_wall_time() -> None:
     began = time.perf_counter()
     play(env, 50, 64)
     assert 0.0 < env.core_seconds < time.perf_counter() - began
+
+
+def test_normalised_observations_are_those_of_vec_normalize() -> None:
+    ours = ProsthesisVecEnv(12, CONFIG, normalise_observations=True, clip_observation=3.0)
+    theirs = VecNormalize(ProsthesisVecEnv(12, CONFIG), norm_reward=False, clip_obs=3.0)
+    for env in (ours, theirs):
+        env.seed(7)
+        env.reset()
+    # VecNormalize starts from 0.0001 observations of its own, which count as long as ours hardly vary.
+    play(ours, 60, 12)
+    play(theirs, 60, 12)
+    ended = 0
+    for mine, reference in zip(play(ours, 150, 12), play(theirs, 150, 12), strict=True):
+        assert isinstance(reference[0], np.ndarray)
+        np.testing.assert_allclose(mine[0], reference[0], atol=2e-3)
+        assert (mine[1] == reference[1]).all()
+        for info, reference_info in zip(mine[3], reference[3], strict=True):
+            if "terminal_observation" in info:
+                ended += 1
+                terminal, theirs_terminal = info["terminal_observation"], reference_info["terminal_observation"]
+                np.testing.assert_allclose(terminal, theirs_terminal, atol=2e-3)
+    assert ended > 5
+    assert np.abs(mine[0]).max() <= 3.0
+    assert ours.observation_space == Box(-3.0, 3.0, (16,), np.float32)
+
+
+def test_observation_moments_are_those_of_all_observations_and_can_be_frozen() -> None:
+    env, raw = ProsthesisVecEnv(12, CONFIG, normalise_observations=True), ProsthesisVecEnv(12, CONFIG)
+    for each in (env, raw):
+        each.seed(7)
+    env.reset()
+    seen = [raw.reset(), *(step[0] for step in play(raw, 100, 12))]
+    play(env, 100, 12)
+    moments = env.observation_moments
+    rows = np.concatenate(seen).astype(np.float64)
+    assert moments.number == len(rows)
+    np.testing.assert_allclose(moments.mean, rows.mean(axis=0), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(moments.variance, rows.var(axis=0), rtol=1e-9, atol=1e-12)
+    env.set_observation_moments(moments, learns=False)
+    play(env, 10, 12)
+    assert env.observation_moments.number == len(rows)
+    with pytest.raises(ValueError, match="mean has 3 entries"):
+        env.set_observation_moments(ObservationMoments(1.0, np.zeros(3), np.ones(3)))
+    with pytest.raises(ValueError, match=r"variance\[0\]"):
+        env.set_observation_moments(ObservationMoments(1.0, np.zeros(16), -np.ones(16)))
+    with pytest.raises(ValueError, match="not normalised"):
+        _ = raw.observation_moments
+    with pytest.raises(ValueError, match="clip"):
+        ProsthesisVecEnv(2, CONFIG, normalise_observations=True, clip_observation=0.0)

@@ -3,10 +3,10 @@
 //! On terrain a contact happens in the frame of the surface below the point: depth and normal force across the local slope,
 //! deformation and friction along it. Level ground, chosen for a whole block, skips all of that.
 
-use super::{BALL, CONTACT_POINTS, HEEL, HIP, HumanProsthesis, KNEE, Rest, State, hip_point};
+use super::{BALL, HEEL, HIP, HumanProsthesis, KNEE, Rest, State, hip_point};
 use crate::compliant_ground::{self, Contact};
 use crate::hybrid_dynamics::walker::{self, Motion, Point, PointForce};
-use crate::terrain::{self, Surface};
+use crate::terrain::Surface;
 
 /// Contact of a point with a surface.
 #[inline(always)]
@@ -27,7 +27,7 @@ pub(super) fn touch<const LEVEL: bool>(
 
 /// Force of level ground on a point.
 #[inline(always)]
-fn level_force(contact: &Contact) -> PointForce {
+pub(super) fn level_force(contact: &Contact) -> PointForce {
     PointForce {
         x: contact.tangential,
         y: contact.normal,
@@ -47,52 +47,32 @@ pub(super) fn point_force(contact: &Contact, surface: &Surface) -> PointForce {
     PointForce { x, y, sin: surface.sin, cos: surface.cos, ..level_force(contact) }
 }
 
-impl<const L: usize> HumanProsthesis<L> {
-    /// Height of the ground at `x`, m.
-    #[inline(always)]
-    pub fn ground_height(&self, lane: usize, x: f64) -> f64 {
-        if self.level { 0.0 } else { terrain::surface(&self.terrain.get(lane), x).height }
-    }
-
-    /// Height of the hip above the ground below it, m.
-    #[inline(always)]
-    pub fn hip_height(&self, state: &State<L>, lane: usize) -> f64 {
-        state.motion.hip_y[lane] - self.ground_height(lane, state.motion.hip_x[lane])
-    }
-
-    /// The ground at `x`.
-    pub(super) fn surface_at(&self, lane: usize, x: f64) -> Surface {
-        if self.level { Surface::LEVEL } else { terrain::surface(&self.terrain.get(lane), x) }
-    }
-
-    #[inline(always)]
-    fn surface<const LEVEL: bool>(&self, lane: usize, x: f64) -> Surface {
-        if LEVEL { Surface::LEVEL } else { terrain::surface(&self.terrain.get(lane), x) }
-    }
-
+impl<const L: usize> HumanProsthesis<'_, L> {
     /// Contacts of the foot, and where the intact leg would find the ground.
     #[inline(always)]
     pub(super) fn sense_feet<const LEVEL: bool>(&mut self, state: &State<L>) {
         for lane in 0..L {
             let motion = state.motion.get(lane);
-            let kin = self.kinematics.get(lane);
-            let ground = self.ground.get(lane);
+            let kin = self.signals.kinematics.get(lane);
+            let ground = self.model.ground.get(lane);
             let heel = walker::foot_point(&motion, &kin, kin.heel_x, kin.heel_y);
             let ball = walker::foot_point(&motion, &kin, kin.ball_x, kin.ball_y);
-            let (below_heel, below_ball) = (self.surface::<LEVEL>(lane, heel.x), self.surface::<LEVEL>(lane, ball.x));
-            self.contacts[HEEL].set(lane, touch::<LEVEL>(&ground, &below_heel, &heel, state.rest.heel[lane]));
-            self.contacts[BALL].set(lane, touch::<LEVEL>(&ground, &below_ball, &ball, state.rest.ball[lane]));
-            self.heel_force[lane] = self.contacts[HEEL].normal[lane];
-            self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
+            let (below_heel, below_ball) =
+                (self.model.surface::<LEVEL>(lane, heel.x), self.model.surface::<LEVEL>(lane, ball.x));
+            self.signals.contacts[HEEL].set(lane, touch::<LEVEL>(&ground, &below_heel, &heel, state.rest.heel[lane]));
+            self.signals.contacts[BALL].set(lane, touch::<LEVEL>(&ground, &below_ball, &ball, state.rest.ball[lane]));
+            self.signals.heel_force[lane] = self.signals.contacts[HEEL].normal[lane];
+            self.signals.midfoot[lane] = heel.x + 0.5 * self.model.human.foot_length[lane] - motion.hip_x;
             if !LEVEL {
-                self.surfaces[HEEL].set(lane, below_heel);
-                self.surfaces[BALL].set(lane, below_ball);
+                self.signals.surfaces[HEEL].set(lane, below_heel);
+                self.signals.surfaces[BALL].set(lane, below_ball);
             }
         }
         if !LEVEL {
             for lane in 0..L {
-                let reach = self.human.leg_length[lane] * self.human.touch_down_sin[lane];
-                self.ground_ahead[lane] = self.surface::<LEVEL>(lane, state.motion.hip_x[lane] + reach).height;
+                let reach = self.model.human.leg_length[lane] * self.model.human.touch_down_sin[lane];
+                self.signals.ground_ahead[lane] =
+                    self.model.surface::<LEVEL>(lane, state.motion.hip_x[lane] + reach).height;
             }
         }
     }
@@ -104,48 +84,39 @@ impl<const L: usize> HumanProsthesis<L> {
             for lane in 0..L {
                 let hip_x = state.motion.hip_x[lane];
                 let (below_knee, below_hip) = (
-                    self.surface::<LEVEL>(lane, hip_x + self.kinematics.thigh_x[lane]),
-                    self.surface::<LEVEL>(lane, hip_x),
+                    self.model.surface::<LEVEL>(lane, hip_x + self.signals.kinematics.thigh_x[lane]),
+                    self.model.surface::<LEVEL>(lane, hip_x),
                 );
-                self.surfaces[KNEE].set(lane, below_knee);
-                self.surfaces[HIP].set(lane, below_hip);
+                self.signals.surfaces[KNEE].set(lane, below_knee);
+                self.signals.surfaces[HIP].set(lane, below_hip);
             }
         }
         // NaN is not above: what a diverged walker leaves behind must be recomputed once its lane starts anew.
         let above = |lane: usize| {
             let hip_y = state.motion.hip_y[lane];
-            (hip_y > self.surfaces[HIP].height[lane])
-                & (hip_y + self.kinematics.thigh_y[lane] > self.surfaces[KNEE].height[lane])
+            (hip_y > self.signals.surfaces[HIP].height[lane])
+                & (hip_y + self.signals.kinematics.thigh_y[lane] > self.signals.surfaces[KNEE].height[lane])
         };
         let falls = !(0..L).all(above);
-        if !(falls || self.fall_contact) {
+        if !(falls || self.signals.fall_contact) {
             return; // Contacts above ground are zero already; skipping them changes no result.
         }
-        self.fall_contact = falls;
+        self.signals.fall_contact = falls;
         for lane in 0..L {
-            let ground = self.ground.get(lane);
+            let ground = self.model.ground.get(lane);
             let motion = state.motion.get(lane);
-            let knee = walker::knee_point(&motion, &self.kinematics.get(lane));
+            let knee = walker::knee_point(&motion, &self.signals.kinematics.get(lane));
             let hip = hip_point(&motion);
-            let (below_knee, below_hip) = (self.surfaces[KNEE].get(lane), self.surfaces[HIP].get(lane));
-            self.contacts[KNEE].set(lane, touch::<LEVEL>(&ground, &below_knee, &knee, state.rest.knee[lane]));
-            self.contacts[HIP].set(lane, touch::<LEVEL>(&ground, &below_hip, &hip, state.rest.hip[lane]));
+            let (below_knee, below_hip) = (self.signals.surfaces[KNEE].get(lane), self.signals.surfaces[HIP].get(lane));
+            self.signals.contacts[KNEE].set(lane, touch::<LEVEL>(&ground, &below_knee, &knee, state.rest.knee[lane]));
+            self.signals.contacts[HIP].set(lane, touch::<LEVEL>(&ground, &below_hip, &hip, state.rest.hip[lane]));
         }
     }
 
     /// Whether any knee or hip touches the ground, or has left it deformed.
     #[inline(always)]
     pub(super) fn falls(&self, state: &State<L>) -> bool {
-        self.fall_contact || !(0..L).all(|lane| (state.rest.knee[lane] == 0.0) & (state.rest.hip[lane] == 0.0))
-    }
-
-    /// Forces of the ground on the walker, in the order of the contact points.
-    #[inline(always)]
-    pub(super) fn ground_forces<const LEVEL: bool>(&self, lane: usize) -> [PointForce; CONTACT_POINTS] {
-        std::array::from_fn(|point| {
-            let contact = self.contacts[point].get(lane);
-            if LEVEL { level_force(&contact) } else { point_force(&contact, &self.surfaces[point].get(lane)) }
-        })
+        self.signals.fall_contact || !(0..L).all(|lane| (state.rest.knee[lane] == 0.0) & (state.rest.hip[lane] == 0.0))
     }
 
     /// Rates of the ground's deformations for a walker whose motion has the given rates; without `falls`, knee and hip have
@@ -159,8 +130,8 @@ impl<const L: usize> HumanProsthesis<L> {
         step: f64,
         falls: bool,
     ) -> Rest {
-        let ground = self.ground.get(lane);
-        let kin = self.kinematics.get(lane);
+        let ground = self.model.ground.get(lane);
+        let kin = self.signals.kinematics.get(lane);
         let deformation = state.rest.get(lane);
         // The velocities at the end of the step stand where `rates` has those of the positions.
         let end = &Motion {
@@ -175,9 +146,15 @@ impl<const L: usize> HumanProsthesis<L> {
             let along = if LEVEL {
                 velocity.vx
             } else {
-                self.surfaces[point].get(lane).along_and_across(velocity.vx, velocity.vy).0
+                self.signals.surfaces[point].get(lane).along_and_across(velocity.vx, velocity.vy).0
             };
-            compliant_ground::deformation_rate(&ground, &self.contacts[point].get(lane), deformation, along, step)
+            compliant_ground::deformation_rate(
+                &ground,
+                &self.signals.contacts[point].get(lane),
+                deformation,
+                along,
+                step,
+            )
         };
         let (knee, hip) = if falls {
             (

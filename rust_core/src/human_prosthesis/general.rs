@@ -15,27 +15,44 @@ use crate::prosthesis_device::spring_damper::{Connection, SpringDamper};
 use crate::prosthesis_device::tube::tube;
 use crate::terrain::{Surface, SurfaceLanes};
 
-/// A block of general walkers.
+/// Constants of a block of general walkers.
 #[derive(Clone, Debug)]
-pub(super) struct General<const L: usize> {
-    pub walker: GeneralWalker,
-    pub evaluations: Vec<Evaluation>,
-    socket: [SpringDamper; 2],
-    tube: Option<[SpringDamper; 2]>,
-    trunk_forward: bool,
+pub(super) struct GeneralModel<const L: usize> {
+    pub walkers: Vec<GeneralWalker>,
+    socket: [[SpringDamper; 2]; L],
+    tube: [Option<[SpringDamper; 2]>; L],
+    pub trunk_forward: bool,
     hip_forward: bool,
-    /// Contacts after heel, ball, knee and hip, and the surfaces below them.
-    pub contacts: Vec<ContactLanes<L>>,
-    pub surfaces: Vec<SurfaceLanes<L>>,
-    /// How many of those contacts belong to the sole, and to its rear half.
-    pub sole: usize,
+    /// How many contacts after heel, ball, knee and hip there are, how many of them belong to the sole, and to its rear half.
+    more: usize,
+    sole: usize,
     rear: usize,
     /// Share of the paper's stiffness and damping that a point of the sole has: together they are as stiff as its two.
     sole_share: f64,
 }
 
-impl<const L: usize> General<L> {
-    /// The general walker that the configuration asks for; `None` if it is the usual one.
+/// What an evaluation of general walkers leaves behind.
+#[derive(Clone, Debug)]
+pub(super) struct GeneralSignals<const L: usize> {
+    pub evaluations: Vec<Evaluation>,
+    /// Contacts after heel, ball, knee and hip, and the surfaces below them.
+    pub contacts: Vec<ContactLanes<L>>,
+    pub surfaces: Vec<SurfaceLanes<L>>,
+}
+
+impl<const L: usize> GeneralSignals<L> {
+    /// Storage for evaluations of walkers like these.
+    pub fn new(model: &GeneralModel<L>) -> Self {
+        Self {
+            evaluations: vec![Evaluation::default(); L],
+            contacts: vec![ContactLanes::default(); model.more],
+            surfaces: vec![SurfaceLanes::splat(Surface::LEVEL); model.more],
+        }
+    }
+}
+
+impl<const L: usize> GeneralModel<L> {
+    /// The general walkers that the configuration asks for; `None` if they are the usual ones.
     pub fn new(config: &Config, mass: f64) -> Option<Box<Self>> {
         let layout = Layout {
             trunk_forward: config.mechanism.trunk == JointDrive::Forward,
@@ -49,17 +66,15 @@ impl<const L: usize> General<L> {
             return None;
         }
         let walker = GeneralWalker::new(&config.body, &layout).expect("segments within their ranges make a chain");
-        let more = walker.points() - CONTACT_POINTS;
         let body = &config.body;
+        let tube = layout.tube_forward.then(|| tube(&config.tube, body.foot_mass_kg, body.foot_inertia_about_tube()));
         Some(Box::new(Self {
-            walker,
-            evaluations: vec![Evaluation::default(); L],
-            socket: socket(&config.socket, mass),
-            tube: layout.tube_forward.then(|| tube(&config.tube, body.foot_mass_kg, body.foot_inertia_about_tube())),
+            more: walker.points() - CONTACT_POINTS,
+            walkers: vec![walker; L],
+            socket: [socket(&config.socket, mass); L],
+            tube: [tube; L],
             trunk_forward: layout.trunk_forward,
             hip_forward: layout.hip_forward,
-            contacts: vec![ContactLanes::default(); more],
-            surfaces: vec![SurfaceLanes::splat(Surface::LEVEL); more],
             sole,
             rear: sole / 2,
             sole_share: 2.0 / config.body.sole_points as f64,
@@ -68,7 +83,7 @@ impl<const L: usize> General<L> {
 
     /// State of walkers like these, at rest.
     pub fn state(&self) -> GeneralState<L> {
-        GeneralState { deformation: vec![[0.0; L]; self.contacts.len()], ..GeneralState::default() }
+        GeneralState { deformation: vec![[0.0; L]; self.more], ..GeneralState::default() }
     }
 
     /// The ground as contact point `index` feels it.
@@ -79,9 +94,9 @@ impl<const L: usize> General<L> {
     }
 
     /// Normal force on the points of the sole between heel and ball, N: of its rear half, of its front half.
-    pub fn sole_load(&self, lane: usize) -> [f64; 2] {
+    pub fn sole_load(&self, signals: &GeneralSignals<L>, lane: usize) -> [f64; 2] {
         let sum = |contacts: &[ContactLanes<L>]| contacts.iter().map(|contact| contact.normal[lane]).sum();
-        [sum(&self.contacts[..self.rear]), sum(&self.contacts[self.rear..self.sole])]
+        [sum(&signals.contacts[..self.rear]), sum(&signals.contacts[self.rear..self.sole])]
     }
 }
 
@@ -93,82 +108,85 @@ fn joint_torque(impedance: &ImpedanceTorque) -> JointTorque {
     JointTorque { torque: impedance.torque, damping: impedance.damping, stiffness: impedance.stiffness }
 }
 
-impl<const L: usize> HumanProsthesis<L> {
+impl<const L: usize> HumanProsthesis<'_, L> {
     /// Contacts and joints of general walkers.
-    pub(super) fn sense_general(&mut self, general: &mut General<L>, state: &State<L>) {
-        let Some(extra) = &state.general else { return };
+    pub(super) fn sense_general(&mut self, general: &mut GeneralSignals<L>, state: &State<L>) {
+        let (Some(model), Some(extra)) = (&self.model.general, &state.general) else { return };
         for lane in 0..L {
-            let work = &mut general.evaluations[lane];
+            let (walker, work) = (&model.walkers[lane], &mut general.evaluations[lane]);
             let smooth = state.reference.get(lane);
             let trunk = Prescribed { angle: smooth.trunk, rate: smooth.trunk_rate, acceleration: 0.0 };
             let motion = state.motion.get(lane);
             let (deflection, rates) = (extra.deflection.get(lane), extra.deflection_rate.get(lane));
-            general.walker.assume(work, &motion, &deflection, &rates, &trunk);
+            walker.assume(work, &motion, &deflection, &rates, &trunk);
 
-            let [(flexion, flexion_rate), (hip, hip_rate), (ankle, ankle_rate)] = general.walker.joints(work);
-            self.joint.set(lane, JointMotion { flexion, flexion_rate });
-            self.joints.set(lane, EndJoints { hip, hip_rate, ankle, ankle_rate });
+            let [(flexion, flexion_rate), (hip, hip_rate), (ankle, ankle_rate)] = walker.joints(work);
+            self.signals.joint.set(lane, JointMotion { flexion, flexion_rate });
+            self.signals.joints.set(lane, EndJoints { hip, hip_rate, ankle, ankle_rate });
 
-            let ground = self.ground.get(lane);
+            let ground = self.model.ground.get(lane);
             let rest = state.rest.get(lane);
             let usual = [rest.heel, rest.ball, rest.knee, rest.hip];
-            for index in 0..general.walker.points() {
-                let point = general.walker.point(&general.evaluations[lane], index);
-                let surface = self.surface_at(lane, point.x);
+            for index in 0..walker.points() {
+                let point = walker.point(&general.evaluations[lane], index);
+                let surface = self.model.surface_at(lane, point.x);
                 let more = index.checked_sub(CONTACT_POINTS);
                 let deformation = more.map_or_else(|| usual[index], |more| extra.deformation[more][lane]);
-                let contact = touch::<false>(&general.ground_at(&ground, index), &surface, &point, deformation);
+                let contact = touch::<false>(&model.ground_at(&ground, index), &surface, &point, deformation);
                 let (contacts, surfaces) = match more {
-                    None => (&mut self.contacts[index], &mut self.surfaces[index]),
+                    None => (&mut self.signals.contacts[index], &mut self.signals.surfaces[index]),
                     Some(more) => (&mut general.contacts[more], &mut general.surfaces[more]),
                 };
                 contacts.set(lane, contact);
                 surfaces.set(lane, surface);
             }
-            let heel = general.walker.point(&general.evaluations[lane], HEEL);
-            self.midfoot[lane] = heel.x + 0.5 * self.human.foot_length[lane] - motion.hip_x;
-            self.heel_force[lane] = self.contacts[HEEL].normal[lane] + general.sole_load(lane)[0];
-            let reach = self.human.leg_length[lane] * self.human.touch_down_sin[lane];
-            self.ground_ahead[lane] = self.ground_height(lane, motion.hip_x + reach);
+            let heel = walker.point(&general.evaluations[lane], HEEL);
+            self.signals.midfoot[lane] = heel.x + 0.5 * self.model.human.foot_length[lane] - motion.hip_x;
+            self.signals.heel_force[lane] =
+                self.signals.contacts[HEEL].normal[lane] + model.sole_load(general, lane)[0];
+            let reach = self.model.human.leg_length[lane] * self.model.human.touch_down_sin[lane];
+            self.signals.ground_ahead[lane] = self.model.ground_height(lane, motion.hip_x + reach);
         }
     }
 
     /// Hybrid dynamics of general walkers, and the rates of the state that follow from it.
     pub(super) fn move_general(
         &mut self,
-        general: &mut General<L>,
+        general: &mut GeneralSignals<L>,
         state: &State<L>,
         implicit_step: &[f64; L],
         rates: &mut State<L>,
     ) {
+        let Some(model) = &self.model.general else { return };
         let (Some(extra), Some(extra_rates)) = (&state.general, &mut rates.general) else { return };
         for lane in 0..L {
             let step = implicit_step[lane];
             let smooth = state.reference.get(lane);
-            let (walker, work) = (&general.walker, &mut general.evaluations[lane]);
+            let (walker, work) = (&model.walkers[lane], &mut general.evaluations[lane]);
             let (deflection, deflection_rate) = (extra.deflection.get(lane), extra.deflection_rate.get(lane));
 
-            walker.begin(work, self.prescribed.acceleration[lane], rates.reference.hip_rate[lane]);
-            if general.trunk_forward {
-                let torque = trunk_torque(&self.drive.get(lane), deflection.trunk, deflection_rate.trunk, &smooth);
+            walker.begin(work, self.signals.prescribed.acceleration[lane], rates.reference.hip_rate[lane]);
+            if model.trunk_forward {
+                let torque =
+                    trunk_torque(&self.walkers.drive.get(lane), deflection.trunk, deflection_rate.trunk, &smooth);
                 walker.drive_trunk(work, &joint_torque(&torque), torque.error_rate, step);
             }
-            if general.hip_forward {
-                let torque = self.hip_torque.get(lane);
+            if model.hip_forward {
+                let torque = self.signals.hip_torque.get(lane);
                 walker.drive_hip(work, &joint_torque(&torque), torque.error_rate, step);
             }
-            let (device, ankle) = (self.device.get(lane), self.ankle.get(lane));
+            let (device, ankle) = (self.signals.device.get(lane), self.model.ankle.get(lane));
             let knee =
                 JointTorque { torque: device.knee, damping: device.knee_damping, stiffness: device.knee_stiffness };
             let ankle = JointTorque { torque: device.ankle, damping: ankle.damping, stiffness: ankle.stiffness };
             walker.drive_device(work, &knee, &ankle, step);
-            walker.drive_socket(work, springs(general.socket), step);
-            if let Some(tube) = general.tube {
+            walker.drive_socket(work, springs(model.socket[lane]), step);
+            if let Some(tube) = model.tube[lane] {
                 walker.drive_tube(work, springs(tube), step);
             }
-            let trunk = self.trunk_force.get(lane);
-            walker.push_trunk(work, trunk.x + self.push_x[lane], trunk.y + self.push_y[lane]);
-            let usual = self.contacts.iter().zip(&self.surfaces);
+            let trunk = self.signals.trunk_force.get(lane);
+            walker.push_trunk(work, trunk.x + self.walkers.push_x[lane], trunk.y + self.walkers.push_y[lane]);
+            let usual = self.signals.contacts.iter().zip(&self.signals.surfaces);
             let more = general.contacts.iter().zip(&general.surfaces);
             for (index, (contact, surface)) in usual.chain(more).enumerate() {
                 walker.push_point(work, index, &point_force(&contact.get(lane), &surface.get(lane)), step);
@@ -177,10 +195,10 @@ impl<const L: usize> HumanProsthesis<L> {
 
             let work = &general.evaluations[lane];
             let acceleration = walker.acceleration(work);
-            self.acceleration.set(lane, acceleration);
-            self.flexion_acceleration[lane] = walker.flexion_acceleration(work);
-            if !general.hip_forward {
-                self.hip_torque.torque[lane] = walker.forces(work).hip;
+            self.signals.acceleration.set(lane, acceleration);
+            self.signals.flexion_acceleration[lane] = walker.flexion_acceleration(work);
+            if !model.hip_forward {
+                self.signals.hip_torque.torque[lane] = walker.forces(work).hip;
             }
             rates.motion.set(lane, acceleration.rates(&state.motion.get(lane), step));
             let second = walker.deflection_acceleration(work);
@@ -196,16 +214,16 @@ impl<const L: usize> HumanProsthesis<L> {
                 },
             );
 
-            let ground = self.ground.get(lane);
+            let ground = self.model.ground.get(lane);
             let follow = |index: usize, contact: &ContactLanes<L>, surface: &SurfaceLanes<L>, deformation: f64| {
                 let [vx, vy] = walker.end_velocity(work, index, step);
                 let (along, _) = surface.get(lane).along_and_across(vx, vy);
-                let ground = general.ground_at(&ground, index);
+                let ground = model.ground_at(&ground, index);
                 compliant_ground::deformation_rate(&ground, &contact.get(lane), deformation, along, step)
             };
             let rest = state.rest.get(lane);
             let usual = |index: usize, deformation: f64| {
-                follow(index, &self.contacts[index], &self.surfaces[index], deformation)
+                follow(index, &self.signals.contacts[index], &self.signals.surfaces[index], deformation)
             };
             let deformation_rates = Rest {
                 time: 1.0,
@@ -221,11 +239,6 @@ impl<const L: usize> HumanProsthesis<L> {
                     follow(CONTACT_POINTS + more, &general.contacts[more], &general.surfaces[more], deformation);
             }
         }
-    }
-
-    /// Whether the trunk is a forward joint.
-    pub(super) fn trunk_forward(&self) -> bool {
-        self.general.as_ref().is_some_and(|general| general.trunk_forward)
     }
 
     /// Puts the general part of a walker in `lane` at rest with its trunk at `trunk` (rad).

@@ -1,11 +1,16 @@
 //! What recorders, rewards and meters read off the human-prosthesis system after an evaluation.
 
-use super::{BALL, DeviceTorque, EndJoints, HEEL, HumanProsthesis, State, hip_point};
+use super::footing::{level_force, point_force};
+use super::{
+    BALL, CONTACT_POINTS, DeviceTorque, EndJoints, HEEL, HIP, KNEE, Model, Signals, State, Walkers, hip_point,
+};
 use crate::compliant_ground::Contact;
-use crate::human_controller::gait_fsm::Memory;
 use crate::human_controller::{reference, slip_leg};
 use crate::hybrid_dynamics::body::Body;
-use crate::hybrid_dynamics::walker::{self, Point, Prescribed, Reactions};
+use crate::hybrid_dynamics::general_walker::{Evaluation, GeneralWalker};
+use crate::hybrid_dynamics::walker::{self, JointTorque, Loads, Motion, Point, PointForce, Prescribed, Reactions};
+use crate::prosthesis_device::UnitInputs;
+use crate::prosthesis_device::geared_motor::{MotorSignals, Rotor};
 use crate::signals::GRAVITY;
 use crate::terrain::Surface;
 
@@ -66,136 +71,245 @@ fn specific_force(
     }
 }
 
-impl<const L: usize> HumanProsthesis<L> {
-    /// Memory of the human in `lane`.
-    pub fn memory(&self, lane: usize) -> &Memory {
-        &self.memory[lane]
+/// A state with the signals that were evaluated at it.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluated<'a, const L: usize> {
+    pub(super) model: &'a Model<L>,
+    pub(super) walkers: &'a Walkers<L>,
+    pub(super) signals: &'a Signals<L>,
+    pub(super) state: &'a State<L>,
+}
+
+impl<'a, const L: usize> Evaluated<'a, L> {
+    /// A state with the signals that were evaluated at it.
+    #[inline(always)]
+    pub fn new(model: &'a Model<L>, walkers: &'a Walkers<L>, signals: &'a Signals<L>, state: &'a State<L>) -> Self {
+        Self { model, walkers, signals, state }
+    }
+
+    /// Forward-dynamics coordinates.
+    #[inline(always)]
+    pub fn motion(&self, lane: usize) -> Motion {
+        self.state.motion.get(lane)
+    }
+
+    /// Rotor of the knee unit.
+    #[inline(always)]
+    pub fn rotor(&self, lane: usize) -> Rotor {
+        self.state.rotor.get(lane)
+    }
+
+    /// Mechanical constants.
+    #[inline(always)]
+    pub fn body(&self, lane: usize) -> Body {
+        self.model.body.get(lane)
     }
 
     /// Ground contact of point `point` in `lane` (0 heel, 1 ball), along and across the surface below it.
+    #[inline(always)]
     pub fn contact(&self, point: usize, lane: usize) -> Contact {
-        self.contacts[point].get(lane)
+        self.signals.contacts[point].get(lane)
+    }
+
+    /// Normal force at point `point` (0 heel, 1 ball), N.
+    #[inline(always)]
+    pub fn contact_force(&self, point: usize, lane: usize) -> f64 {
+        self.signals.contacts[point].normal[lane]
     }
 
     /// Normal force on the rear and on the front half of the sole, N: heel and ball, where there are no other points.
+    #[inline(always)]
     pub fn sole_load(&self, lane: usize) -> [f64; 2] {
-        let [rear, front] = self.general.as_ref().map_or([0.0; 2], |general| general.sole_load(lane));
-        [self.contacts[HEEL].normal[lane] + rear, self.contacts[BALL].normal[lane] + front]
+        let [rear, front] = self
+            .model
+            .general
+            .as_ref()
+            .zip(self.signals.general.as_ref())
+            .map_or([0.0; 2], |(general, signals)| general.sole_load(signals, lane));
+        [self.signals.contacts[HEEL].normal[lane] + rear, self.signals.contacts[BALL].normal[lane] + front]
     }
 
     /// Knee flexion, rad.
+    #[inline(always)]
     pub fn knee_flexion(&self, lane: usize) -> f64 {
-        self.joint.flexion[lane]
+        self.signals.joint.flexion[lane]
     }
 
     /// Angles of hip and ankle to their proximal segments.
+    #[inline(always)]
     pub fn joints(&self, lane: usize) -> EndJoints {
-        self.joints.get(lane)
+        self.signals.joints.get(lane)
     }
 
     /// Trunk angle, rad.
-    pub fn trunk_angle(&self, state: &State<L>, lane: usize) -> f64 {
-        match &state.general {
-            Some(extra) if self.trunk_forward() => extra.deflection.trunk[lane],
-            _ => state.reference.trunk[lane],
+    pub fn trunk_angle(&self, lane: usize) -> f64 {
+        match &self.state.general {
+            Some(extra) if self.model.trunk_forward() => extra.deflection.trunk[lane],
+            _ => self.state.reference.trunk[lane],
         }
     }
 
     /// Position and velocity of heel (0) or ball (1).
-    pub fn foot_point(&self, state: &State<L>, point: usize, lane: usize) -> Point {
-        if let Some(general) = &self.general {
-            return general.walker.point(&general.evaluations[lane], point);
+    #[inline(always)]
+    pub fn foot_point(&self, point: usize, lane: usize) -> Point {
+        if let Some((walker, work)) = self.general(lane) {
+            return walker.point(work, point);
         }
-        let kin = self.kinematics.get(lane);
+        let kin = self.signals.kinematics.get(lane);
         let (x, y) = if point == HEEL { (kin.heel_x, kin.heel_y) } else { (kin.ball_x, kin.ball_y) };
-        walker::foot_point(&state.motion.get(lane), &kin, x, y)
+        walker::foot_point(&self.state.motion.get(lane), &kin, x, y)
     }
 
     /// Height of heel (0) or ball (1) above the ground below it, m.
-    pub fn foot_height(&self, state: &State<L>, point: usize, lane: usize) -> f64 {
-        let point = self.foot_point(state, point, lane);
-        point.y - self.ground_height(lane, point.x)
+    pub fn foot_height(&self, point: usize, lane: usize) -> f64 {
+        let point = self.foot_point(point, lane);
+        point.y - self.model.ground_height(lane, point.x)
     }
 
     /// Hip torque tau_4, N m.
+    #[inline(always)]
     pub fn hip_torque(&self, lane: usize) -> f64 {
-        self.hip_torque.torque[lane]
+        self.signals.hip_torque.torque[lane]
     }
 
     /// Device torques.
+    #[inline(always)]
     pub fn device(&self, lane: usize) -> DeviceTorque {
-        self.device.get(lane)
+        self.signals.device.get(lane)
     }
 
     /// Force of the intact leg on the trunk.
     pub fn trunk_force(&self, lane: usize) -> slip_leg::TrunkForce {
-        self.trunk_force.get(lane)
-    }
-
-    /// Mechanical constants.
-    pub fn body(&self, lane: usize) -> Body {
-        self.body.get(lane)
+        self.signals.trunk_force.get(lane)
     }
 
     /// Prescribed trunk motion.
     pub fn prescribed(&self, lane: usize) -> Prescribed {
-        self.prescribed.get(lane)
+        self.signals.prescribed.get(lane)
     }
 
     /// Rough thigh reference, rad.
-    pub fn rough_thigh(&self, state: &State<L>, lane: usize) -> f64 {
-        reference::rough_thigh(&self.drive.get(lane), state.rest.time[lane])
+    pub fn rough_thigh(&self, lane: usize) -> f64 {
+        reference::rough_thigh(&self.walkers.drive.get(lane), self.state.rest.time[lane])
     }
 
-    /// Foot of the intact leg's pendulum, m, and whether it stands on the ground.
-    pub fn pendulum_foot(&self, lane: usize) -> (f64, bool) {
-        (self.drive.slip_foot_x[lane], self.drive.slip_stiffness[lane] > 0.0)
+    /// The general walker in `lane` and its last evaluation, where it is one.
+    fn general(&self, lane: usize) -> Option<(&'a GeneralWalker, &'a Evaluation)> {
+        let (model, signals) = (self.model.general.as_ref()?, self.signals.general.as_ref()?);
+        Some((&model.walkers[lane], &signals.evaluations[lane]))
+    }
+
+    /// What the knee unit works on.
+    #[inline(always)]
+    pub(super) fn unit_inputs(&self) -> UnitInputs<'a, L> {
+        UnitInputs {
+            joint: &self.signals.joint,
+            rotor: &self.state.rotor,
+            direction: &self.walkers.direction,
+            motor: &self.signals.motor,
+            command: &self.walkers.command,
+        }
+    }
+
+    /// Signals of the knee unit's motor; zero for a unit without.
+    #[inline(always)]
+    pub fn motor_signals(&self, lane: usize) -> MotorSignals {
+        self.signals.motor.get(lane)
+    }
+
+    /// Electrical power of the knee unit and its Joule part, W.
+    #[inline(always)]
+    pub fn electrical_powers(&self, lane: usize) -> [f64; 2] {
+        let signals = self.signals.motor.get(lane);
+        self.model.unit.electrical_powers(lane, &signals, &self.state.rotor.get(lane))
+    }
+
+    /// Height of the hip above the ground below it, m.
+    #[inline(always)]
+    pub fn hip_height(&self, lane: usize) -> f64 {
+        self.state.motion.hip_y[lane] - self.model.ground_height(lane, self.state.motion.hip_x[lane])
+    }
+
+    /// Forces of the ground on the walker, in the order of the contact points.
+    #[inline(always)]
+    fn ground_forces<const LEVEL: bool>(&self, lane: usize) -> [PointForce; CONTACT_POINTS] {
+        [
+            self.ground_force::<LEVEL>(HEEL, lane),
+            self.ground_force::<LEVEL>(BALL, lane),
+            self.ground_force::<LEVEL>(KNEE, lane),
+            self.ground_force::<LEVEL>(HIP, lane),
+        ]
+    }
+
+    #[inline(always)]
+    fn ground_force<const LEVEL: bool>(&self, point: usize, lane: usize) -> PointForce {
+        let contact = self.signals.contacts[point].get(lane);
+        if LEVEL { level_force(&contact) } else { point_force(&contact, &self.signals.surfaces[point].get(lane)) }
+    }
+
+    /// All forces and joint torques on a usual walker, for its equations.
+    #[inline(always)]
+    pub(super) fn loads<const LEVEL: bool>(&self, lane: usize) -> Loads {
+        let device = self.signals.device.get(lane);
+        let hip = self.signals.hip_torque.get(lane);
+        let trunk = self.signals.trunk_force.get(lane);
+        let ankle = self.model.ankle.get(lane);
+        let [heel, ball, knee, hip_contact] = self.ground_forces::<LEVEL>(lane);
+        Loads {
+            trunk_x: trunk.x + self.walkers.push_x[lane] + hip_contact.x,
+            trunk_y: trunk.y + self.walkers.push_y[lane] + hip_contact.y,
+            knee_x: knee.x,
+            knee_y: knee.y,
+            hip: JointTorque { torque: hip.torque, damping: hip.damping, stiffness: hip.stiffness },
+            hip_error_rate: hip.error_rate,
+            knee: JointTorque { torque: device.knee, damping: device.knee_damping, stiffness: device.knee_stiffness },
+            ankle: JointTorque { torque: device.ankle, damping: ankle.damping, stiffness: ankle.stiffness },
+            heel,
+            ball,
+        }
     }
 
     /// Forces of trunk and tube joints at the last evaluation.
     #[inline(always)]
-    pub fn reactions(&self, state: &State<L>, lane: usize) -> Reactions {
-        if let Some(general) = &self.general {
-            let forces = general.walker.forces(&general.evaluations[lane]);
+    pub fn reactions(&self, lane: usize) -> Reactions {
+        if let Some((walker, work)) = self.general(lane) {
+            let forces = walker.forces(work);
             let [tube_force, tube_torque] = forces.tube;
             return Reactions { trunk_torque: forces.trunk, tube_force, tube_torque };
         }
         walker::reactions(
-            &self.body.get(lane),
-            &self.kinematics.get(lane),
-            &state.motion.get(lane),
-            &self.prescribed.get(lane),
-            &if self.level { self.loads::<true>(lane) } else { self.loads::<false>(lane) },
-            &self.acceleration.get(lane),
+            &self.model.body.get(lane),
+            &self.signals.kinematics.get(lane),
+            &self.state.motion.get(lane),
+            &self.signals.prescribed.get(lane),
+            &if self.model.level { self.loads::<true>(lane) } else { self.loads::<false>(lane) },
+            &self.signals.acceleration.get(lane),
         )
     }
 
     /// Specific force at the inertial sensors of thigh and shank, mounted so far (m) below hip and knee.
     #[inline(always)]
-    pub fn specific_forces(&self, state: &State<L>, lane: usize, thigh: f64, shank: f64) -> [SpecificForce; 2] {
-        if let Some(general) = &self.general {
-            return general
-                .walker
-                .specific_forces(&general.evaluations[lane], thigh, shank)
-                .map(|[forward, up]| SpecificForce { forward, up });
+    pub fn specific_forces(&self, lane: usize, thigh: f64, shank: f64) -> [SpecificForce; 2] {
+        if let Some((walker, work)) = self.general(lane) {
+            return walker.specific_forces(work, thigh, shank).map(|[forward, up]| SpecificForce { forward, up });
         }
-        let motion = state.motion.get(lane);
-        let kin = self.kinematics.get(lane);
-        let acceleration = self.acceleration.get(lane);
+        let motion = self.state.motion.get(lane);
+        let kin = self.signals.kinematics.get(lane);
+        let acceleration = self.signals.acceleration.get(lane);
         let (alpha, centripetal) = (acceleration.thigh, motion.thigh_rate * motion.thigh_rate);
         let knee_ax = acceleration.hip_x - alpha * kin.thigh_y - centripetal * kin.thigh_x;
         let knee_ay = acceleration.hip_y + alpha * kin.thigh_x - centripetal * kin.thigh_y;
         let down = |x: f64, y: f64, length: f64| [x / length, y / length];
         [
             specific_force(
-                down(kin.thigh_x, kin.thigh_y, self.body.thigh_length[lane]),
+                down(kin.thigh_x, kin.thigh_y, self.model.body.thigh_length[lane]),
                 [acceleration.hip_x, acceleration.hip_y],
                 motion.thigh_rate,
                 acceleration.thigh,
                 thigh,
             ),
             specific_force(
-                down(kin.shank_x, kin.shank_y, self.body.shank_length[lane]),
+                down(kin.shank_x, kin.shank_y, self.model.body.shank_length[lane]),
                 [knee_ax, knee_ay],
                 motion.shank_rate,
                 acceleration.shank,
@@ -205,55 +319,54 @@ impl<const L: usize> HumanProsthesis<L> {
     }
 
     /// Socket at the last evaluation; zero for a rigid one.
-    pub fn socket(&self, state: &State<L>, lane: usize) -> Socket {
-        let (Some(general), Some(extra)) = (&self.general, &state.general) else { return Socket::default() };
-        let [force, moment] = general.walker.forces(&general.evaluations[lane]).socket;
+    pub fn socket(&self, lane: usize) -> Socket {
+        let (Some((walker, work)), Some(extra)) = (self.general(lane), &self.state.general) else {
+            return Socket::default();
+        };
+        let [force, moment] = walker.forces(work).socket;
         let deflection = extra.deflection.get(lane);
         Socket { pistoning: deflection.socket_shift, tilt: deflection.socket_tilt, force: -force, moment: -moment }
     }
 
     /// Kinetic and potential energy of segments and knee unit's rotor.
-    pub fn energy(&self, state: &State<L>, lane: usize) -> walker::Energy {
-        let (_, rotor) =
-            self.unit.powers(lane, &self.joint.get(lane), &state.rotor.get(lane), &self.unit_torque.get(lane));
-        let segments = if let Some(general) = &self.general {
-            let [kinetic, potential] = general.walker.energy(&general.evaluations[lane]);
+    pub fn energy(&self, lane: usize) -> walker::Energy {
+        let (_, rotor) = self.model.unit.powers(lane, &self.unit_inputs(), &self.signals.unit_torque.get(lane));
+        let segments = if let Some((walker, work)) = self.general(lane) {
+            let [kinetic, potential] = walker.energy(work);
             walker::Energy { kinetic, potential }
         } else {
             walker::energy(
-                &self.body.get(lane),
-                &self.kinematics.get(lane),
-                &state.motion.get(lane),
-                &self.prescribed.get(lane),
+                &self.model.body.get(lane),
+                &self.signals.kinematics.get(lane),
+                &self.state.motion.get(lane),
+                &self.signals.prescribed.get(lane),
             )
         };
         walker::Energy { kinetic: segments.kinetic + rotor, ..segments }
     }
 
     /// Power of each of [`POWERS`] at the last evaluation, W; their sum is the rate of kinetic plus potential energy.
-    pub fn powers(&self, state: &State<L>, lane: usize) -> [f64; POWERS.len()] {
-        let motion = state.motion.get(lane);
-        let knee_rate = -self.joint.flexion_rate[lane];
-        let device = self.device.get(lane);
-        let (unit, _) =
-            self.unit.powers(lane, &self.joint.get(lane), &state.rotor.get(lane), &self.unit_torque.get(lane));
-        let trunk = self.trunk_force.get(lane);
-        let joints = self.joints.get(lane);
-        let [contact_normal, contact_tangential] = self.contact_powers(state, lane);
-        let ([socket, tube], trunk_rate) = self.general.as_ref().map_or_else(
-            || ([0.0; 2], self.prescribed.rate[lane]),
-            |general| {
-                let work = &general.evaluations[lane];
-                let (forces, rates) = (general.walker.forces(work), general.walker.rates(work));
+    pub fn powers(&self, lane: usize) -> [f64; POWERS.len()] {
+        let motion = self.state.motion.get(lane);
+        let knee_rate = -self.signals.joint.flexion_rate[lane];
+        let device = self.signals.device.get(lane);
+        let (unit, _) = self.model.unit.powers(lane, &self.unit_inputs(), &self.signals.unit_torque.get(lane));
+        let trunk = self.signals.trunk_force.get(lane);
+        let joints = self.signals.joints.get(lane);
+        let [contact_normal, contact_tangential] = self.contact_powers(lane);
+        let ([socket, tube], trunk_rate) = self.general(lane).map_or_else(
+            || ([0.0; 2], self.signals.prescribed.rate[lane]),
+            |(walker, work)| {
+                let (forces, rates) = (walker.forces(work), walker.rates(work));
                 let power = |force: [f64; 2], rate: [f64; 2]| force[0] * rate[0] + force[1] * rate[1];
                 ([power(forces.socket, rates.socket), power(forces.tube, rates.tube)], rates.trunk)
             },
         );
         [
-            self.hip_torque.torque[lane] * joints.hip_rate,
-            self.reactions(state, lane).trunk_torque * trunk_rate,
+            self.signals.hip_torque.torque[lane] * joints.hip_rate,
+            self.reactions(lane).trunk_torque * trunk_rate,
             trunk.x * motion.hip_vx + trunk.y * motion.hip_vy,
-            self.push_x[lane] * motion.hip_vx + self.push_y[lane] * motion.hip_vy,
+            self.walkers.push_x[lane] * motion.hip_vx + self.walkers.push_y[lane] * motion.hip_vy,
             unit[0],
             unit[1],
             unit[2],
@@ -268,19 +381,20 @@ impl<const L: usize> HumanProsthesis<L> {
     }
 
     /// Power of the ground's normal and tangential forces, W.
-    fn contact_powers(&self, state: &State<L>, lane: usize) -> [f64; 2] {
-        let motion = state.motion.get(lane);
+    fn contact_powers(&self, lane: usize) -> [f64; 2] {
+        let motion = self.state.motion.get(lane);
         let power = |contact: Contact, surface: Surface, point: Point| {
             let (along, across) = surface.along_and_across(point.vx, point.vy);
             [contact.normal * across, contact.tangential * along]
         };
-        let usual = self.contacts.iter().zip(&self.surfaces).map(|(c, s)| (c.get(lane), s.get(lane)));
-        let powers: Vec<[f64; 2]> = if let Some(general) = &self.general {
-            let more = general.contacts.iter().zip(&general.surfaces).map(|(c, s)| (c.get(lane), s.get(lane)));
-            let point = |index| general.walker.point(&general.evaluations[lane], index);
+        let usual = self.signals.contacts.iter().zip(&self.signals.surfaces).map(|(c, s)| (c.get(lane), s.get(lane)));
+        let powers: Vec<[f64; 2]> = if let Some((walker, work)) = self.general(lane) {
+            let more = self.signals.general.iter().flat_map(|general| general.contacts.iter().zip(&general.surfaces));
+            let more = more.map(|(c, s)| (c.get(lane), s.get(lane)));
+            let point = |index| walker.point(work, index);
             usual.chain(more).enumerate().map(|(i, (contact, surface))| power(contact, surface, point(i))).collect()
         } else {
-            let kin = self.kinematics.get(lane);
+            let kin = self.signals.kinematics.get(lane);
             let points = [
                 walker::foot_point(&motion, &kin, kin.heel_x, kin.heel_y),
                 walker::foot_point(&motion, &kin, kin.ball_x, kin.ball_y),

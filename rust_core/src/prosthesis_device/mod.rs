@@ -77,24 +77,30 @@ lanes! {
     }
 }
 
-/// Knee unit of a block of walkers.
+/// What a knee unit of a block of walkers works on.
+#[derive(Clone, Copy, Debug)]
+pub struct UnitInputs<'a, const L: usize> {
+    /// Motion of the knee.
+    pub joint: &'a JointMotionLanes<L>,
+    /// State of the rotor.
+    pub rotor: &'a RotorLanes<L>,
+    /// Direction of its rotation (-1, 0, 1); 0 at rest.
+    pub direction: &'a [f64; L],
+    /// Signals that [`KneeUnit::sense`] has left for them.
+    pub motor: &'a MotorSignalsLanes<L>,
+    /// Command, in the unit's own unit.
+    pub command: &'a [f64; L],
+}
+
+/// Constants of the knee units of a block of walkers.
 #[derive(Clone, Debug)]
 pub enum KneeUnit<const L: usize> {
     /// Variable damper.
     Damper(VariableDamperLanes<L>),
-    /// Geared motor with its direction of rotation (-1, 0, 1) and its signals at the last evaluation.
-    Motor(Box<MotorUnit<L>>),
+    /// Motor and strain-wave gear.
+    Motor(GearedMotorLanes<L>),
     /// Constant friction with extension assist.
     Friction(ConstantFrictionLanes<L>),
-}
-
-/// Geared motors of a block.
-#[derive(Clone, Debug)]
-pub struct MotorUnit<const L: usize> {
-    constants: GearedMotorLanes<L>,
-    /// Direction of rotation; 0 at rest.
-    direction: [f64; L],
-    signals: MotorSignalsLanes<L>,
 }
 
 impl<const L: usize> KneeUnit<L> {
@@ -102,14 +108,19 @@ impl<const L: usize> KneeUnit<L> {
     pub fn new(config: &Config) -> Self {
         match config.device.kind {
             DeviceKind::Damper => Self::Damper(VariableDamperLanes::splat(VariableDamper::from(&config.knee))),
-            DeviceKind::Motor => Self::Motor(Box::new(MotorUnit {
-                constants: GearedMotorLanes::splat(GearedMotor::from(&config.motor)),
-                direction: [0.0; L],
-                signals: MotorSignalsLanes::default(),
-            })),
+            DeviceKind::Motor => Self::Motor(GearedMotorLanes::splat(GearedMotor::from(&config.motor))),
             DeviceKind::Friction => {
                 Self::Friction(ConstantFrictionLanes::splat(ConstantFriction::from(&config.friction_knee)))
             }
+        }
+    }
+
+    /// Gives the walker in `lane` the constants of `config`, whose unit must be of the same kind.
+    pub fn set(&mut self, lane: usize, config: &Config) {
+        match self {
+            Self::Damper(damper) => damper.set(lane, VariableDamper::from(&config.knee)),
+            Self::Motor(motor) => motor.set(lane, GearedMotor::from(&config.motor)),
+            Self::Friction(knee) => knee.set(lane, ConstantFriction::from(&config.friction_knee)),
         }
     }
 
@@ -119,26 +130,28 @@ impl<const L: usize> KneeUnit<L> {
     }
 
     /// State of the unit's rotor at the start of a trial with the knee at rest at `flexion` (rad).
-    pub fn start(&mut self, lane: usize, flexion: f64) -> Rotor {
+    pub fn start(&self, lane: usize, flexion: f64) -> Rotor {
         match self {
             Self::Damper(_) | Self::Friction(_) => Rotor::default(),
-            Self::Motor(unit) => {
-                unit.direction[lane] = 0.0;
-                Rotor { angle: flexion / unit.constants.inverse_ratio[lane], ..Rotor::default() }
-            }
+            Self::Motor(motor) => Rotor { angle: flexion / motor.inverse_ratio[lane], ..Rotor::default() },
         }
     }
 
     /// Evaluates the signals that guards, torques and rates depend on.
     #[inline(always)]
-    pub fn sense(&mut self, joint: &JointMotionLanes<L>, rotor: &RotorLanes<L>, command: &[f64; L]) {
+    pub fn sense(
+        &self,
+        joint: &JointMotionLanes<L>,
+        rotor: &RotorLanes<L>,
+        command: &[f64; L],
+        signals: &mut MotorSignalsLanes<L>,
+    ) {
         match self {
             Self::Damper(_) | Self::Friction(_) => {}
-            Self::Motor(unit) => {
+            Self::Motor(motor) => {
                 for lane in 0..L {
-                    let motor = unit.constants.get(lane);
-                    let signals = geared_motor::signals(&motor, &joint.get(lane), &rotor.get(lane), command[lane]);
-                    unit.signals.set(lane, signals);
+                    let motor = motor.get(lane);
+                    signals.set(lane, geared_motor::signals(&motor, &joint.get(lane), &rotor.get(lane), command[lane]));
                 }
             }
         }
@@ -146,29 +159,22 @@ impl<const L: usize> KneeUnit<L> {
 
     /// Torques on the knee.
     #[inline(always)]
-    pub fn torques(
-        &self,
-        joint: &JointMotionLanes<L>,
-        rotor: &RotorLanes<L>,
-        command: &[f64; L],
-        step: &[f64; L],
-        torques: &mut UnitTorqueLanes<L>,
-    ) {
+    pub fn torques(&self, at: &UnitInputs<'_, L>, step: &[f64; L], torques: &mut UnitTorqueLanes<L>) {
         match self {
             Self::Damper(damper) => {
                 for lane in 0..L {
-                    let torque = variable_damper::damper_torque(&damper.get(lane), &joint.get(lane), command[lane]);
-                    torques.set(lane, torque);
+                    let joint = at.joint.get(lane);
+                    torques.set(lane, variable_damper::damper_torque(&damper.get(lane), &joint, at.command[lane]));
                 }
             }
-            Self::Motor(unit) => {
+            Self::Motor(motor) => {
                 for lane in 0..L {
                     let torque = geared_motor::motor_torque(
-                        &unit.constants.get(lane),
-                        &unit.signals.get(lane),
-                        &joint.get(lane),
-                        &rotor.get(lane),
-                        unit.direction[lane],
+                        &motor.get(lane),
+                        &at.motor.get(lane),
+                        &at.joint.get(lane),
+                        &at.rotor.get(lane),
+                        at.direction[lane],
                         step[lane],
                     );
                     torques.set(lane, torque);
@@ -176,8 +182,8 @@ impl<const L: usize> KneeUnit<L> {
             }
             Self::Friction(knee) => {
                 for lane in 0..L {
-                    let torque = constant_friction::friction_torque(&knee.get(lane), &joint.get(lane), command[lane]);
-                    torques.set(lane, torque);
+                    let joint = at.joint.get(lane);
+                    torques.set(lane, constant_friction::friction_torque(&knee.get(lane), &joint, at.command[lane]));
                 }
             }
         }
@@ -187,22 +193,21 @@ impl<const L: usize> KneeUnit<L> {
     #[inline(always)]
     pub fn rates(
         &self,
-        joint: &JointMotionLanes<L>,
-        rotor: &RotorLanes<L>,
+        at: &UnitInputs<'_, L>,
         flexion_acceleration: &[f64; L],
         step: &[f64; L],
         rates: &mut RotorLanes<L>,
     ) {
         match self {
             Self::Damper(_) | Self::Friction(_) => {}
-            Self::Motor(unit) => {
+            Self::Motor(motor) => {
                 for lane in 0..L {
                     let rate = geared_motor::rotor_rates(
-                        &unit.constants.get(lane),
-                        &unit.signals.get(lane),
-                        &joint.get(lane),
-                        &rotor.get(lane),
-                        unit.direction[lane],
+                        &motor.get(lane),
+                        &at.motor.get(lane),
+                        &at.joint.get(lane),
+                        &at.rotor.get(lane),
+                        at.direction[lane],
                         flexion_acceleration[lane],
                         step[lane],
                     );
@@ -212,50 +217,51 @@ impl<const L: usize> KneeUnit<L> {
         }
     }
 
-    /// In which lanes a discrete state of the unit must change, at the sensed signals.
+    /// In which lanes the direction of rotation must change, at the sensed signals.
     #[inline(always)]
-    pub fn fired(&self, rotor: &RotorLanes<L>) -> [bool; L] {
+    pub fn fired(&self, at: &UnitInputs<'_, L>) -> [bool; L] {
         match self {
             Self::Damper(_) | Self::Friction(_) => [false; L],
-            Self::Motor(unit) => std::array::from_fn(|lane| {
-                geared_motor::changes_direction(
-                    &unit.constants.get(lane),
-                    &unit.signals.get(lane),
-                    &rotor.get(lane),
-                    unit.direction[lane],
-                )
-            }),
+            Self::Motor(motor) => {
+                let mut fired = [false; L];
+                for lane in 0..L {
+                    let (signals, rotor) = (at.motor.get(lane), at.rotor.get(lane));
+                    fired[lane] =
+                        geared_motor::changes_direction(&motor.get(lane), &signals, &rotor, at.direction[lane]);
+                }
+                fired
+            }
         }
     }
 
-    /// Changes the discrete state of `lane`; returns the rotor's new state.
-    pub fn transition(&mut self, lane: usize, joint: &JointMotion, mut rotor: Rotor, command: f64) -> Rotor {
+    /// Changes the direction of rotation in `lane`: the rotor's new state, its direction and the signals that follow.
+    pub fn transition(&self, lane: usize, at: &UnitInputs<'_, L>) -> (Rotor, f64, MotorSignals) {
+        let mut rotor = at.rotor.get(lane);
         match self {
-            Self::Damper(_) | Self::Friction(_) => {}
-            Self::Motor(unit) => {
-                let motor = unit.constants.get(lane);
-                if unit.direction[lane] != 0.0 {
+            Self::Damper(_) | Self::Friction(_) => (rotor, 0.0, MotorSignals::default()),
+            Self::Motor(motor) => {
+                let motor = motor.get(lane);
+                if at.direction[lane] != 0.0 {
                     rotor.rate = 0.0;
                 }
-                let signals = geared_motor::signals(&motor, joint, &rotor, command);
-                unit.direction[lane] = geared_motor::break_away(&motor, &signals);
-                unit.signals.set(lane, signals);
+                let signals = geared_motor::signals(&motor, &at.joint.get(lane), &rotor, at.command[lane]);
+                (rotor, geared_motor::break_away(&motor, &signals), signals)
             }
         }
-        rotor
     }
 
     /// Power (W) of what the command sets, of springs and of friction; and kinetic energy (J) of the unit's own.
-    pub fn powers(&self, lane: usize, joint: &JointMotion, rotor: &Rotor, torque: &UnitTorque) -> ([f64; 3], f64) {
+    pub fn powers(&self, lane: usize, at: &UnitInputs<'_, L>, torque: &UnitTorque) -> ([f64; 3], f64) {
+        let (joint, rotor) = (at.joint.get(lane), at.rotor.get(lane));
         match self {
             Self::Damper(damper) => {
                 let spring = damper.spring[lane] * joint.flexion;
                 let parts = [torque.damper, spring, torque.torque - torque.damper - spring];
                 (parts.map(|part| -part * joint.flexion_rate), 0.0)
             }
-            Self::Motor(unit) => {
-                let motor = unit.constants.get(lane);
-                let powers = geared_motor::powers(&motor, &unit.signals.get(lane), joint, rotor, unit.direction[lane]);
+            Self::Motor(motor) => {
+                let motor = motor.get(lane);
+                let powers = geared_motor::powers(&motor, &at.motor.get(lane), &joint, &rotor, at.direction[lane]);
                 (powers, 0.5 * motor.inertia * rotor.rate * rotor.rate)
             }
             Self::Friction(knee) => {
@@ -266,32 +272,24 @@ impl<const L: usize> KneeUnit<L> {
         }
     }
 
-    /// Motor signals of `lane` at the last evaluation; zero for a unit without a motor.
-    pub fn motor_signals(&self, lane: usize) -> MotorSignals {
-        match self {
-            Self::Damper(_) | Self::Friction(_) => MotorSignals::default(),
-            Self::Motor(unit) => unit.signals.get(lane),
-        }
-    }
-
     /// Current limit (A) and knee torque per ampere (N m/A) of an ideal drive train; zero for a unit without a motor.
     pub fn motor_scale(&self, lane: usize) -> (f64, f64) {
         match self {
             Self::Damper(_) | Self::Friction(_) => (0.0, 0.0),
-            Self::Motor(unit) => {
-                let motor = unit.constants.get(lane);
+            Self::Motor(motor) => {
+                let motor = motor.get(lane);
                 (motor.current_limit, motor.torque_constant / motor.inverse_ratio)
             }
         }
     }
 
     /// Electrical power I^2 R + k I omega and its Joule part (W).
-    pub fn electrical_powers(&self, lane: usize, rotor: &Rotor) -> [f64; 2] {
+    #[inline(always)]
+    pub fn electrical_powers(&self, lane: usize, signals: &MotorSignals, rotor: &Rotor) -> [f64; 2] {
         match self {
             Self::Damper(_) | Self::Friction(_) => [0.0; 2],
-            Self::Motor(unit) => {
-                let signals = unit.signals.get(lane);
-                let joule = signals.current * signals.current * unit.constants.resistance[lane];
+            Self::Motor(motor) => {
+                let joule = signals.current * signals.current * motor.resistance[lane];
                 [joule + signals.torque * rotor.rate, joule]
             }
         }

@@ -15,10 +15,12 @@ use crate::environment::{Autoreset, StepOutput};
 use crate::error::Error;
 use crate::human_controller::intent::Knot;
 use crate::human_controller::variation::HumanVariation;
+use crate::params::{above, within};
 use crate::prosthesis_controller::agent;
 use crate::recorder::COLUMNS;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
+use crate::statistics::{Moments, Normaliser};
 use crate::termination::REASONS;
 
 impl From<Error> for PyErr {
@@ -41,16 +43,24 @@ fn zeros<'py, T: numpy::Element>(py: Python<'py>, length: usize) -> Bound<'py, P
     PyArray1::zeros(py, length, false)
 }
 
-type StepTuple<'py> = (
-    Bound<'py, PyArray2<f32>>,
-    Bound<'py, PyArray1<f64>>,
-    Bound<'py, PyArray1<bool>>,
-    Bound<'py, PyArray1<bool>>,
-    Bound<'py, PyArray2<f64>>,
-    Bound<'py, PyArray1<u8>>,
-    Option<Bound<'py, PyArray2<f32>>>,
-    Bound<'py, PyArray1<bool>>,
-);
+/// Count, mean and variance.
+type PyMoments<'py> = (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
+/// What one step of all environments gives; see `_core.pyi`.
+#[pyclass(frozen, get_all, name = "Step", module = "prosthesis_gym._core")]
+struct PyStep {
+    observations: Py<PyArray2<f32>>,
+    rewards: Py<PyArray1<f64>>,
+    terminated: Py<PyArray1<bool>>,
+    truncated: Py<PyArray1<bool>>,
+    terms: Py<PyArray2<f64>>,
+    reasons: Py<PyArray1<u8>>,
+    started: Py<PyArray1<bool>>,
+    final_observations: Option<Py<PyArray2<f32>>>,
+    episode_returns: Py<PyArray1<f64>>,
+    episode_steps: Py<PyArray1<u32>>,
+    episode_terms: Py<PyArray2<f64>>,
+}
 
 #[pyclass(name = "Batch", module = "prosthesis_gym._core")]
 struct PyBatch {
@@ -107,7 +117,7 @@ impl PyBatch {
         Ok(observations)
     }
 
-    fn step<'py>(&mut self, py: Python<'py>, actions: PyReadonlyArray1<'py, f64>) -> PyResult<StepTuple<'py>> {
+    fn step(&mut self, py: Python<'_>, actions: PyReadonlyArray1<'_, f64>) -> PyResult<PyStep> {
         let (count, size) = (self.batch.num_envs(), self.batch.observation_size());
         let observations = PyArray2::<f32>::zeros(py, [count, size], false);
         let rewards = zeros::<f64>(py, count);
@@ -118,6 +128,9 @@ impl PyBatch {
         let started = zeros::<bool>(py, count);
         let finals =
             (self.batch.autoreset() == Autoreset::SameStep).then(|| PyArray2::<f32>::zeros(py, [count, size], false));
+        let episode_returns = zeros::<f64>(py, count);
+        let episode_steps = zeros::<u32>(py, count);
+        let episode_terms = PyArray2::<f64>::zeros(py, [count, TERMS.len()], false);
         {
             let actions = actions.as_slice()?;
             let mut observations = observations.readwrite();
@@ -128,6 +141,9 @@ impl PyBatch {
             let mut reasons = reasons.readwrite();
             let mut started = started.readwrite();
             let mut finals = finals.as_ref().map(|finals| finals.readwrite());
+            let mut episode_returns = episode_returns.readwrite();
+            let mut episode_steps = episode_steps.readwrite();
+            let mut episode_terms = episode_terms.readwrite();
             let output = StepOutput {
                 observations: observations.as_slice_mut()?,
                 rewards: rewards.as_slice_mut()?,
@@ -137,11 +153,69 @@ impl PyBatch {
                 reasons: reasons.as_slice_mut()?,
                 final_observations: finals.as_mut().map(|finals| finals.as_slice_mut()).transpose()?.unwrap_or(&mut []),
                 started: started.as_slice_mut()?,
+                episode_returns: episode_returns.as_slice_mut()?,
+                episode_steps: episode_steps.as_slice_mut()?,
+                episode_terms: episode_terms.as_slice_mut()?,
             };
             let batch = &mut self.batch;
             py.detach(|| batch.step(actions, output))?;
         }
-        Ok((observations, rewards, terminated, truncated, terms, reasons, finals, started))
+        Ok(PyStep {
+            observations: observations.unbind(),
+            rewards: rewards.unbind(),
+            terminated: terminated.unbind(),
+            truncated: truncated.unbind(),
+            terms: terms.unbind(),
+            reasons: reasons.unbind(),
+            started: started.unbind(),
+            final_observations: finals.map(Bound::unbind),
+            episode_returns: episode_returns.unbind(),
+            episode_steps: episode_steps.unbind(),
+            episode_terms: episode_terms.unbind(),
+        })
+    }
+
+    /// Normalises observations from now on by their running moments.
+    #[pyo3(signature = (clip = 10.0, epsilon = 1e-8))]
+    fn normalise_observations(&mut self, clip: f64, epsilon: f64) -> PyResult<()> {
+        above(0.0, 1e6).check("clip", clip, "")?;
+        within(0.0, 1.0).check("epsilon", epsilon, "")?;
+        let moments = Moments::new(self.batch.observation_size());
+        self.batch.normaliser = Some(Normaliser { moments, learns: true, clip, epsilon });
+        Ok(())
+    }
+
+    /// Number of observations seen, their mean and variance.
+    fn moments<'py>(&self, py: Python<'py>) -> PyResult<PyMoments<'py>> {
+        let Moments { count, mean, variance } = &self.normaliser()?.moments;
+        Ok((*count, PyArray1::from_slice(py, mean), PyArray1::from_slice(py, variance)))
+    }
+
+    /// Replaces the moments; without `learns` they stay as they are from now on.
+    fn set_moments(
+        &mut self,
+        count: f64,
+        mean: PyReadonlyArray1<'_, f64>,
+        variance: PyReadonlyArray1<'_, f64>,
+        learns: bool,
+    ) -> PyResult<()> {
+        let size = self.batch.observation_size();
+        within(0.0, f64::MAX).check("count", count, "")?;
+        let (mean, variance) = (mean.as_slice()?, variance.as_slice()?);
+        for (name, values, least) in [("mean", mean, f64::MIN), ("variance", variance, 0.0)] {
+            if values.len() != size {
+                let message =
+                    format!("{name} has {} entries, must have one per observation entry: {size}", values.len());
+                return Err(PyValueError::new_err(message));
+            }
+            for (i, &value) in values.iter().enumerate() {
+                within(least, f64::MAX).check(&format!("{name}[{i}]"), value, "")?;
+            }
+        }
+        let moments = Moments { count, mean: mean.to_vec(), variance: variance.to_vec() };
+        let normaliser = self.batch.normaliser.as_mut().ok_or_else(not_normalised)?;
+        (normaliser.moments, normaliser.learns) = (moments, learns);
+        Ok(())
     }
 
     /// What was drawn for the episode that runs in each environment: one array per quantity.
@@ -185,6 +259,16 @@ impl PyBatch {
     }
 }
 
+impl PyBatch {
+    fn normaliser(&self) -> PyResult<&Normaliser> {
+        self.batch.normaliser.as_ref().ok_or_else(not_normalised)
+    }
+}
+
+fn not_normalised() -> PyErr {
+    PyValueError::new_err("observations are not normalised: call normalise_observations first")
+}
+
 /// Every configuration key with default, unit, range and meaning.
 #[pyfunction]
 fn parameters<'py>(py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
@@ -219,6 +303,7 @@ fn channels(config: &Bound<'_, PyAny>) -> PyResult<Vec<(&'static str, f32, f32, 
 #[pymodule(gil_used = false)]
 fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyBatch>()?;
+    module.add_class::<PyStep>()?;
     module.add_class::<dynamics::PyChain>()?;
     module.add_function(wrap_pyfunction!(parameters, module)?)?;
     module.add_function(wrap_pyfunction!(resolve, module)?)?;

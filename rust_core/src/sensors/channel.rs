@@ -7,12 +7,18 @@ use super::noise::{self, Use};
 use super::params::Imperfections;
 use crate::math::{clamp, select};
 
-/// A channel of a block of walkers.
+/// Which channel it is, and what is wrong with it.
+#[derive(Clone, Copy, Debug)]
+pub struct Kind<'a> {
+    /// Number among the channels, for its noise.
+    pub index: usize,
+    /// Its imperfections.
+    pub imperfections: &'a Imperfections,
+}
+
+/// What a channel of a block of walkers keeps between samples.
 #[derive(Clone, Debug)]
 pub struct Channel<const L: usize> {
-    /// Number among the channels, for its noise.
-    index: usize,
-    imperfections: Imperfections,
     /// Bias of the present episode.
     bias: [f64; L],
     /// Digitised samples under way, a ring; empty without delay.
@@ -22,19 +28,25 @@ pub struct Channel<const L: usize> {
 }
 
 impl<const L: usize> Channel<L> {
-    /// Channel number `index`.
-    pub fn new(index: usize, imperfections: Imperfections) -> Self {
-        let line = vec![[0.0; L]; imperfections.delay_samples];
-        Self { index, imperfections, bias: [0.0; L], line, oldest: 0 }
+    /// A channel with the given imperfections.
+    pub fn new(imperfections: &Imperfections) -> Self {
+        Self { bias: [0.0; L], line: vec![[0.0; L]; imperfections.delay_samples], oldest: 0 }
     }
 
     /// First sample of the lanes that have just been started: it counts as having been there all the time before.
-    pub fn start(&mut self, started: &[bool; L], seed: &[u64; L], truth: &[f64; L], reading: &mut [f64; L]) {
+    pub fn start(
+        &mut self,
+        kind: &Kind<'_>,
+        seed: &[u64; L],
+        truth: &[f64; L],
+        started: &[bool; L],
+        reading: &mut [f64; L],
+    ) {
         for lane in (0..L).filter(|&lane| started[lane]) {
-            let bits = noise::bits(seed[lane], 0, self.index, Use::Bias);
-            self.bias[lane] = self.imperfections.bias * noise::normal(bits);
+            let bits = noise::bits(seed[lane], 0, kind.index, Use::Bias);
+            self.bias[lane] = kind.imperfections.bias * noise::normal(bits);
         }
-        let value = self.digitise(seed, &[0; L], truth);
+        let value = self.digitise(kind, seed, &[0; L], truth);
         for lane in (0..L).filter(|&lane| started[lane]) {
             self.line.iter_mut().for_each(|sample| sample[lane] = value[lane]);
             reading[lane] = value[lane];
@@ -43,16 +55,23 @@ impl<const L: usize> Channel<L> {
 
     /// Replaces the last reading by that of a new sample.
     #[inline(always)]
-    pub fn sample(&mut self, seed: &[u64; L], sample: &[u64; L], truth: &[f64; L], reading: &mut [f64; L]) {
-        let mut value = self.digitise(seed, sample, truth);
-        if !self.line.is_empty() {
+    pub fn sample(
+        &mut self,
+        kind: &Kind<'_>,
+        seed: &[u64; L],
+        sample: &[u64; L],
+        truth: &[f64; L],
+        reading: &mut [f64; L],
+    ) {
+        let mut value = self.digitise(kind, seed, sample, truth);
+        if kind.imperfections.delay_samples > 0 {
             std::mem::swap(&mut value, &mut self.line[self.oldest]);
             self.oldest = (self.oldest + 1) % self.line.len();
         }
-        let drop_out = self.imperfections.drop_out;
+        let drop_out = kind.imperfections.drop_out;
         if drop_out > 0.0 {
             for lane in 0..L {
-                let lost = noise::uniform(noise::bits(seed[lane], sample[lane], self.index, Use::DropOut)) < drop_out;
+                let lost = noise::uniform(noise::bits(seed[lane], sample[lane], kind.index, Use::DropOut)) < drop_out;
                 value[lane] = select(lost, reading[lane], value[lane]);
             }
         }
@@ -61,8 +80,8 @@ impl<const L: usize> Channel<L> {
 
     /// What transducer and converter make of the truth.
     #[inline(always)]
-    fn digitise(&self, seed: &[u64; L], sample: &[u64; L], truth: &[f64; L]) -> [f64; L] {
-        let Imperfections { noise, bias, resolution, saturation, .. } = self.imperfections;
+    fn digitise(&self, kind: &Kind<'_>, seed: &[u64; L], sample: &[u64; L], truth: &[f64; L]) -> [f64; L] {
+        let Imperfections { noise, bias, resolution, saturation, .. } = *kind.imperfections;
         let mut value = *truth;
         if bias > 0.0 {
             for lane in 0..L {
@@ -71,7 +90,7 @@ impl<const L: usize> Channel<L> {
         }
         if noise > 0.0 {
             for lane in 0..L {
-                let bits = noise::bits(seed[lane], sample[lane], self.index, Use::Noise);
+                let bits = noise::bits(seed[lane], sample[lane], kind.index, Use::Noise);
                 value[lane] += noise * noise::normal(bits);
             }
         }
@@ -97,12 +116,12 @@ mod tests {
 
     /// Readings of `truth` over an episode in the second of two lanes.
     fn episode(imperfections: Imperfections, seed: u64, samples: u64, truth: impl Fn(u64) -> f64) -> Vec<f64> {
-        let mut channel = Channel::<2>::new(5, imperfections);
+        let (kind, mut channel) = (Kind { index: 5, imperfections: &imperfections }, Channel::<2>::new(&imperfections));
         let mut reading = [0.0; 2];
-        channel.start(&[false, true], &[1, seed], &[9.0, truth(0)], &mut reading);
+        channel.start(&kind, &[1, seed], &[9.0, truth(0)], &[false, true], &mut reading);
         let mut readings = vec![reading[1]];
         for sample in 1..samples {
-            channel.sample(&[1, seed], &[sample; 2], &[9.0, truth(sample)], &mut reading);
+            channel.sample(&kind, &[1, seed], &[sample; 2], &[9.0, truth(sample)], &mut reading);
             readings.push(reading[1]);
         }
         readings
@@ -185,12 +204,12 @@ mod tests {
     fn a_lane_that_starts_leaves_the_samples_of_its_neighbours_alone() {
         let imperfections = Imperfections { delay_samples: 2, noise: 0.1, bias: 0.1, ..Imperfections::default() };
         let undisturbed = episode(imperfections, 3, 20, |sample| sample as f64);
-        let mut channel = Channel::<2>::new(5, imperfections);
+        let (kind, mut channel) = (Kind { index: 5, imperfections: &imperfections }, Channel::<2>::new(&imperfections));
         let mut reading = [0.0; 2];
-        channel.start(&[true; 2], &[1, 3], &[0.0, 0.0], &mut reading);
+        channel.start(&kind, &[1, 3], &[0.0, 0.0], &[true; 2], &mut reading);
         for sample in 1..20 {
-            channel.sample(&[1, 3], &[sample, sample], &[0.0, sample as f64], &mut reading);
-            channel.start(&[true, false], &[1, 3], &[0.0, sample as f64], &mut reading);
+            channel.sample(&kind, &[1, 3], &[sample, sample], &[0.0, sample as f64], &mut reading);
+            channel.start(&kind, &[1, 3], &[0.0, sample as f64], &[true, false], &mut reading);
             assert_eq!(reading[1], undisturbed[sample as usize]);
         }
     }

@@ -8,7 +8,7 @@ pub mod params;
 
 use crate::lanes::lanes;
 use crate::signals::{CONTROL_PERIOD_S, MeasurandLanes, ReadingsLanes};
-use channel::Channel;
+use channel::{Channel, Kind};
 use params::Imperfections;
 pub use params::SensorParams;
 
@@ -84,42 +84,68 @@ lanes! {
     }
 }
 
-/// Sensors of a block of walkers.
+/// Constants of the sensors.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Inertial sensors of thigh and shank below hip and knee, m.
+    pub imu: [f64; 2],
+    imperfections: [Imperfections; CHANNELS],
+    knee_filter: FilteredRate,
+    ankle_filter: FilteredRate,
+}
+
+impl Model {
+    /// Sensors with the given parameters.
+    pub fn new(params: &SensorParams) -> Self {
+        Self {
+            imu: [params.thigh_imu_m, params.shank_imu_m],
+            imperfections: imperfections(params),
+            knee_filter: FilteredRate::new(params.knee_speed_cutoff_hz),
+            ankle_filter: FilteredRate::new(params.ankle_moment_rate_cutoff_hz),
+        }
+    }
+
+    #[inline(always)]
+    fn kinds(&self) -> impl Iterator<Item = Kind<'_>> {
+        self.imperfections.iter().enumerate().map(|(index, imperfections)| Kind { index, imperfections })
+    }
+}
+
+/// What the sensors of a block of walkers keep between samples.
 #[derive(Clone, Debug)]
 pub struct Sensors<const L: usize> {
     /// Seed of the noise of each lane's episode; takes effect at the start of an episode.
     pub seed: [u64; L],
-    /// Inertial sensors of thigh and shank below hip and knee, m.
-    pub imu: [f64; 2],
     /// Samples since the start of the episode.
     count: [u64; L],
-    channels: [Channel<L>; CHANNELS],
-    knee_filter: FilteredRate,
-    ankle_filter: FilteredRate,
     knee: RateMemoryLanes<L>,
     ankle: RateMemoryLanes<L>,
+    channels: [Channel<L>; CHANNELS],
 }
 
 impl<const L: usize> Sensors<L> {
     /// Sensors that wait for their [`start`](Self::start).
-    pub fn new(params: &SensorParams) -> Self {
-        let imperfections = imperfections(params);
+    pub fn new(model: &Model) -> Self {
         Self {
             seed: [0; L],
-            imu: [params.thigh_imu_m, params.shank_imu_m],
             count: [0; L],
-            channels: std::array::from_fn(|index| Channel::new(index, imperfections[index])),
-            knee_filter: FilteredRate::new(params.knee_speed_cutoff_hz),
-            ankle_filter: FilteredRate::new(params.ankle_moment_rate_cutoff_hz),
             knee: RateMemoryLanes::default(),
             ankle: RateMemoryLanes::default(),
+            channels: std::array::from_fn(|index| Channel::new(&model.imperfections[index])),
         }
     }
 
     /// First sample of the lanes that have just been started; filters start at rest there.
-    pub fn start(&mut self, started: &[bool; L], truth: &MeasurandLanes<L>, readings: &mut ReadingsLanes<L>) {
-        for ((channel, truth), reading) in self.channels.iter_mut().zip(measured(truth)).zip(received(readings)) {
-            channel.start(started, &self.seed, truth, reading);
+    pub fn start(
+        &mut self,
+        model: &Model,
+        started: &[bool; L],
+        truth: &MeasurandLanes<L>,
+        readings: &mut ReadingsLanes<L>,
+    ) {
+        let channels = self.channels.iter_mut().zip(model.kinds());
+        for (((channel, kind), truth), reading) in channels.zip(measured(truth)).zip(received(readings)) {
+            channel.start(&kind, &self.seed, truth, started, reading);
         }
         for lane in (0..L).filter(|&lane| started[lane]) {
             self.count[lane] = 0;
@@ -132,18 +158,19 @@ impl<const L: usize> Sensors<L> {
 
     /// One sample of every lane; `readings` holds the last ones.
     #[inline(always)]
-    pub fn sample(&mut self, truth: &MeasurandLanes<L>, readings: &mut ReadingsLanes<L>) {
+    pub fn sample(&mut self, model: &Model, truth: &MeasurandLanes<L>, readings: &mut ReadingsLanes<L>) {
         for count in &mut self.count {
             *count += 1;
         }
-        for ((channel, truth), reading) in self.channels.iter_mut().zip(measured(truth)).zip(received(readings)) {
-            channel.sample(&self.seed, &self.count, truth, reading);
+        let channels = self.channels.iter_mut().zip(model.kinds());
+        for (((channel, kind), truth), reading) in channels.zip(measured(truth)).zip(received(readings)) {
+            channel.sample(&kind, &self.seed, &self.count, truth, reading);
         }
         for lane in 0..L {
-            let knee = self.knee_filter.next(readings.knee_angle[lane], &self.knee.get(lane));
+            let knee = model.knee_filter.next(readings.knee_angle[lane], &self.knee.get(lane));
             self.knee.set(lane, knee);
             readings.knee_speed[lane] = knee.rate;
-            let ankle = self.ankle_filter.next(readings.ankle_moment_nm_kg[lane], &self.ankle.get(lane));
+            let ankle = model.ankle_filter.next(readings.ankle_moment_nm_kg[lane], &self.ankle.get(lane));
             self.ankle.set(lane, ankle);
             readings.ankle_moment_rate[lane] = ankle.rate;
         }
@@ -156,16 +183,17 @@ mod tests {
     use crate::signals::{Measurand, Readings};
 
     fn run(params: &SensorParams, angle: impl Fn(f64) -> f64, samples: usize) -> Vec<Readings> {
-        let mut sensors = Sensors::<1>::new(params);
+        let model = Model::new(params);
+        let mut sensors = Sensors::<1>::new(&model);
         let mut readings = ReadingsLanes::default();
         (0..samples)
             .map(|i| {
                 let truth = Measurand { knee_angle: angle(i as f64 * CONTROL_PERIOD_S), ..Measurand::default() };
                 let truth = MeasurandLanes::splat(truth);
                 if i == 0 {
-                    sensors.start(&[true], &truth, &mut readings);
+                    sensors.start(&model, &[true], &truth, &mut readings);
                 } else {
-                    sensors.sample(&truth, &mut readings);
+                    sensors.sample(&model, &truth, &mut readings);
                 }
                 readings.get(0)
             })
@@ -224,7 +252,8 @@ mod tests {
         params.shank_specific_force.noise = 0.1;
         params.motor_speed.saturation = 12.5;
         let mut readings = ReadingsLanes::default();
-        Sensors::<1>::new(&params).start(&[true], &MeasurandLanes::splat(truth), &mut readings);
+        let model = Model::new(&params);
+        Sensors::<1>::new(&model).start(&model, &[true], &MeasurandLanes::splat(truth), &mut readings);
         let mut received = received(&mut readings).map(|reading| reading[0]);
         let axes = [received[5] - 6.0, received[6] - 7.0];
         assert!(axes.iter().all(|error| *error != 0.0 && error.abs() < 0.7) && axes[0] != axes[1]);

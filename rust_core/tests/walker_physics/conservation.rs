@@ -22,21 +22,20 @@ fn limp() -> Config {
 }
 
 /// A tumbling leg high above the ground; the trunk keeps its angle.
-fn in_free_fall(config: &Config) -> Simulation<1> {
-    let mut simulation = simulation(config, Start::Cyclic, vec![knot(0.0, 1.1, true)]);
-    let posture = simulation.state.motion.get(0);
-    simulation
-        .state
-        .motion
-        .set(0, Motion { hip_y: 100.0, hip_vy: 3.0, thigh_rate: 4.0, shank_rate: -7.0, foot_rate: 12.0, ..posture });
-    simulation.observe_started(&[true]);
-    simulation
+fn in_free_fall(config: &Config) -> Trial<1> {
+    let mut trial = trial(config, Start::Cyclic, vec![knot(0.0, 1.1, true)]);
+    let mut state = trial.state.clone();
+    let posture = state.motion.get(0);
+    let motion = Motion { hip_y: 100.0, hip_vy: 3.0, thigh_rate: 4.0, shank_rate: -7.0, foot_rate: 12.0, ..posture };
+    state.motion.set(0, motion);
+    trial.set_state(state);
+    trial
 }
 
 /// Angular momentum about the centre of mass and linear momentum, by the general chain.
-fn momentum(config: &Config, simulation: &Simulation<1>) -> [f64; 3] {
+fn momentum(config: &Config, trial: &Trial<1>) -> [f64; 3] {
     let chain = Chain::new(walker_joints(&config.body, None), [0.0, -GRAVITY]).unwrap();
-    let (m, trunk) = (simulation.state.motion.get(0), simulation.plant.prescribed(0));
+    let (m, trunk) = (trial.state.motion.get(0), trial.plant().prescribed(0));
     let mount = config.body.foot_mount_deg.to_radians();
     let q = table_1::joint_coordinates([m.hip_x, m.hip_y], trunk.angle, [m.thigh, m.shank, m.foot], mount);
     let rates = [m.thigh_rate, m.shank_rate, m.foot_rate];
@@ -48,22 +47,22 @@ fn momentum(config: &Config, simulation: &Simulation<1>) -> [f64; 3] {
 #[test]
 fn the_limp_mechanism_conserves_energy_and_linear_momentum_in_free_fall() {
     let config = limp();
-    let mut simulation = in_free_fall(&config);
-    let (start, [_, px, py]) = (energy(&simulation), momentum(&config, &simulation));
-    let kinetic = simulation.plant.energy(&simulation.state, 0).kinetic;
-    let mass = simulation.plant.body(0).mass;
+    let mut trial = in_free_fall(&config);
+    let (start, [_, px, py]) = (energy(&trial), momentum(&config, &trial));
+    let kinetic = trial.plant().energy(0).kinetic;
+    let mass = trial.plant().body(0).mass;
     let mut largest = 0.0_f64;
     for period in 1..=periods(1.0) {
-        simulation.advance(&[0.0]);
-        let drift = (energy(&simulation) - start).abs() / kinetic;
+        trial.advance(&[0.0]);
+        let drift = (energy(&trial) - start).abs() / kinetic;
         assert!(drift < 1e-9, "{drift:e}");
         largest = largest.max(drift);
-        let [_, now_px, now_py] = momentum(&config, &simulation);
+        let [_, now_px, now_py] = momentum(&config, &trial);
         let fallen = mass * GRAVITY * period as f64 * CONTROL_PERIOD_S;
         assert!((now_px - px).abs() < 1e-9 * px.abs());
         assert!((now_py - (py - fallen)).abs() < 1e-9 * fallen.max(py.abs()));
     }
-    let turned = (simulation.state.motion.foot[0] - simulation.state.motion.shank[0]).abs();
+    let turned = (trial.state.motion.foot[0] - trial.state.motion.shank[0]).abs();
     assert!(turned > 3.0, "the leg hardly moved: {turned}");
     println!("largest drift of the energy in 1 s: {largest:.1e} of the kinetic energy");
 }
@@ -73,12 +72,12 @@ fn the_limp_mechanism_conserves_energy_and_linear_momentum_in_free_fall() {
 fn the_limp_mechanism_conserves_angular_momentum_in_free_fall() {
     let mut config = limp();
     config.body.trunk_com_y_m = 0.0;
-    let mut simulation = in_free_fall(&config);
-    let [start, ..] = momentum(&config, &simulation);
+    let mut trial = in_free_fall(&config);
+    let [start, ..] = momentum(&config, &trial);
     assert!(start.abs() > 1.0);
     for _ in 0..periods(1.0) {
-        simulation.advance(&[0.0]);
-        let drift = (momentum(&config, &simulation)[0] - start).abs() / start.abs();
+        trial.advance(&[0.0]);
+        let drift = (momentum(&config, &trial)[0] - start).abs() / start.abs();
         assert!(drift < 1e-9, "{drift:e}");
     }
 }
@@ -88,17 +87,17 @@ fn the_limp_mechanism_conserves_angular_momentum_in_free_fall() {
 fn inertial_sensors_sense_their_own_acceleration_and_rate() {
     let mut config = limp();
     (config.sensors.thigh_imu_m, config.sensors.shank_imu_m) = (0.2, 0.15);
-    let mut simulation = in_free_fall(&config);
+    let mut trial = in_free_fall(&config);
     let samples: Vec<_> = (0..periods(0.3))
         .map(|_| {
-            simulation.advance(&[0.0]);
-            let m = simulation.state.motion.get(0);
+            trial.advance(&[0.0]);
+            let m = trial.state.motion.get(0);
             let below =
                 |[x, y]: [f64; 2], angle: f64, length: f64| [x + length * angle.sin(), y - length * angle.cos()];
             let hip = [m.hip_x, m.hip_y];
             let thigh = below(hip, m.thigh, config.sensors.thigh_imu_m);
             let shank = below(below(hip, m.thigh, config.body.thigh_length_m), m.shank, config.sensors.shank_imu_m);
-            let readings = simulation.readings.get(0);
+            let readings = trial.readings.get(0);
             assert_eq!((readings.thigh_rate, readings.shank_rate), (m.thigh_rate, m.shank_rate));
             let sensed =
                 [readings.thigh_force_x, readings.thigh_force_y, readings.shank_force_x, readings.shank_force_y];
@@ -126,11 +125,11 @@ fn inertial_sensors_sense_their_own_acceleration_and_rate() {
 
 #[test]
 fn inertial_sensors_of_a_resting_leg_sense_gravity_in_the_frames_of_its_segments() {
-    let mut simulation = simulation(&Config::default(), Start::Standing, vec![knot(0.0, 1.1, false)]);
+    let mut trial = trial(&Config::default(), Start::Standing, vec![knot(0.0, 1.1, false)]);
     for _ in 0..periods(20.0) {
-        simulation.advance(&[0.0]);
+        trial.advance(&[0.0]);
     }
-    let (motion, readings) = (simulation.state.motion.get(0), simulation.readings.get(0));
+    let (motion, readings) = (trial.state.motion.get(0), trial.readings.get(0));
     for (angle, forward, up) in [
         (motion.thigh, readings.thigh_force_x, readings.thigh_force_y),
         (motion.shank, readings.shank_force_x, readings.shank_force_y),

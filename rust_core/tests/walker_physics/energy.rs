@@ -39,18 +39,18 @@ impl Work {
 
 /// Walks on, at most until a fall; asserts that the energy of the system changes by the work of all forces.
 /// Returns that work, and the time that it took.
-fn metered(simulation: &mut Simulation<1>, duration_s: f64) -> (Work, f64) {
+fn metered(trial: &mut Trial<1>, duration_s: f64) -> (Work, f64) {
     let mut meter = EnergyMeter::default();
-    let start = energy(simulation);
+    let start = energy(trial);
     let mut end_s = 0.0;
     for period in 1..=periods(duration_s) {
-        simulation.advance_metered(&[simulation.state_machine_command[0]], &mut meter);
+        trial.advance_metered(&mut meter);
         end_s = period as f64 * CONTROL_PERIOD_S;
-        if simulation.state.motion.hip_y[0] < 0.6 {
+        if trial.state.motion.hip_y[0] < 0.6 {
             break;
         }
     }
-    let gained = energy(simulation) - start;
+    let gained = energy(trial) - start;
     let work: f64 = meter.work.iter().map(|lanes| lanes[0]).sum();
     let exchanged: f64 = meter.exchanged.iter().map(|lanes| lanes[0]).sum();
     let imbalance = (gained - work).abs() / exchanged;
@@ -70,18 +70,16 @@ fn the_energy_balance_of_a_restless_walk_closes() {
     for (time_s, force) in [(1.0, TrunkPush { x: 0.0, y: 150.0 }), (4.0, TrunkPush { x: 150.0, y: -100.0 })] {
         episode.disturbance.pushes.push(Push::new(force, time_s, 0.2, None));
     }
-    let mut simulation = Simulation::new(&with_solver(SolverParams::REFERENCE));
-    simulation.start(0, episode);
-    simulation.observe_started(&[true]);
-    let (work, end_s) = metered(&mut simulation, 8.0);
-    assert!(end_s == 8.0 && simulation.state.motion.hip_x[0] > 5.0, "it did not walk");
+    let mut trial = Trial::new(&with_solver(SolverParams::REFERENCE), [episode]);
+    let (work, end_s) = metered(&mut trial, 8.0);
+    assert!(end_s == 8.0 && trial.state.motion.hip_x[0] > 5.0, "it did not walk");
     let push = POWERS.iter().position(|&power| power == "push").unwrap();
     assert!(work.0.exchanged[push][0] > 50.0, "{}", work.0.exchanged[push][0]);
 }
 
 /// Energy balance of the 40 s trial, or as far as it is walked.
 fn energy_balance(config: &Config) -> (Work, f64) {
-    let (work, end_s) = metered(&mut simulation(config, Start::Standing, forty_second_trial()), 45.0);
+    let (work, end_s) = metered(&mut trial(config, Start::Standing, forty_second_trial()), 45.0);
     for dissipative in ["knee_friction", "contact_normal", "contact_tangential"] {
         assert!(work.of(dissipative) < 0.0, "{dissipative} {}", work.of(dissipative));
     }

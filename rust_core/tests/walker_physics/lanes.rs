@@ -4,17 +4,19 @@ use prosthesis_gym_core::compliant_ground::GroundParams;
 use prosthesis_gym_core::disturbance::{Push, TrunkPush};
 use prosthesis_gym_core::params::Span;
 use prosthesis_gym_core::scenario::ScenarioParams;
+use prosthesis_gym_core::simulation::Simulation;
 use rand_pcg::Pcg64;
 
 use super::*;
 
 /// Everything that a lane carries. Shortest decimals that read back as the same number: equal text is equal bits.
-fn fingerprint<const L: usize>(simulation: &Simulation<L>, lane: usize) -> String {
-    let Simulation { plant, state, readings, state_machine, state_machine_command, .. } = simulation;
+fn fingerprint<const L: usize>(trial: &Trial<L>, lane: usize) -> String {
+    let Simulation { walkers, state, readings, state_machine, state_machine_command, .. } = &**trial;
+    let plant = trial.plant();
     let motion = (state.motion.get(lane), state.reference.get(lane), state.rest.get(lane));
     let signals = (readings.get(lane), state_machine[lane], state_machine_command[lane]);
-    let forces = (plant.reactions(state, lane), plant.device(lane), plant.extension_stop_peak[lane]);
-    format!("{motion:?}\n{signals:?}\n{forces:?}\n{:?}", plant.memory(lane))
+    let forces = (plant.reactions(lane), plant.device(lane), walkers.extension_stop_peak[lane]);
+    format!("{motion:?}\n{signals:?}\n{forces:?}\n{:?}", walkers.memory(lane))
 }
 
 /// A scenario of gusts, pushes at a gait phase and a human who does everything otherwise than the paper's.
@@ -47,35 +49,26 @@ fn episodes() -> [Episode; 8] {
 }
 
 /// Also after lanes have fallen on knee and hip.
-fn assert_lanes_equal_scalar_runs(config: &Config, duration_s: f64) -> Simulation<8> {
+fn assert_lanes_equal_scalar_runs(config: &Config, duration_s: f64) -> Trial<8> {
     let episodes = episodes();
-    let mut block = Simulation::<8>::new(config);
-    for (lane, episode) in episodes.iter().enumerate() {
-        block.start(lane, episode.clone());
-    }
-    block.observe_started(&[true; 8]);
-    let mut alone = episodes.map(|episode| {
-        let mut simulation = Simulation::<1>::new(config);
-        simulation.start(0, episode);
-        simulation.observe_started(&[true]);
-        simulation
-    });
+    let mut block = Trial::new(config, episodes.clone());
+    let mut alone = episodes.map(|episode| Trial::new(config, [episode]));
     let mut lowest = f64::INFINITY;
     for period in 0..periods(duration_s) {
-        block.advance(&block.state_machine_command.clone());
-        lowest = (0..8).map(|lane| block.plant.hip_height(&block.state, lane)).fold(lowest, f64::min);
-        for (lane, simulation) in alone.iter_mut().enumerate() {
-            simulation.advance(&simulation.state_machine_command.clone());
+        block.advance_controlled();
+        lowest = (0..8).map(|lane| block.plant().hip_height(lane)).fold(lowest, f64::min);
+        for (lane, trial) in alone.iter_mut().enumerate() {
+            trial.advance_controlled();
             let time = period as f64 * CONTROL_PERIOD_S;
-            assert_eq!(fingerprint(&block, lane), fingerprint(simulation, 0), "lane {lane} after {time:.3} s");
+            assert_eq!(fingerprint(&block, lane), fingerprint(trial, 0), "lane {lane} after {time:.3} s");
         }
     }
     assert!(lowest < 0.5, "nobody fell: {lowest}");
     block
 }
 
-fn assert_walked(block: &Simulation<8>) {
-    assert!(block.plant.memory(0).heel_strikes + block.plant.memory(1).heel_strikes > 2);
+fn assert_walked(block: &Trial<8>) {
+    assert!(block.walkers.memory(0).heel_strikes + block.walkers.memory(1).heel_strikes > 2);
 }
 
 #[test]

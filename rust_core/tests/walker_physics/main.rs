@@ -14,18 +14,15 @@ use prosthesis_gym_core::prosthesis_device::socket::SocketParams;
 use prosthesis_gym_core::prosthesis_device::spring_damper::Connection;
 use prosthesis_gym_core::scenario::Episode;
 use prosthesis_gym_core::signals::CONTROL_PERIOD_S;
-use prosthesis_gym_core::simulation::Simulation;
+use prosthesis_gym_core::simulation::Trial;
 
 fn knot(time_s: f64, speed_m_s: f64, walk: bool) -> Knot {
     Knot { time_s, speed_m_s, walk }
 }
 
 /// One walker at the start of an undisturbed trial.
-fn simulation(config: &Config, start: Start, knots: Vec<Knot>) -> Simulation<1> {
-    let mut simulation = Simulation::new(config);
-    simulation.start(0, Episode::undisturbed(start, Profile { knots }));
-    simulation.observe_started(&[true]);
-    simulation
+fn trial(config: &Config, start: Start, knots: Vec<Knot>) -> Trial<1> {
+    Trial::new(config, [Episode::undisturbed(start, Profile { knots })])
 }
 
 fn with_solver(solver: SolverParams) -> Config {
@@ -41,7 +38,7 @@ fn with_socket(config: Config) -> Config {
 }
 
 /// Mechanical energy, J.
-fn energy(simulation: &Simulation<1>) -> f64 {
-    let energy = simulation.plant.energy(&simulation.state, 0);
+fn energy(trial: &Trial<1>) -> f64 {
+    let energy = trial.plant().energy(0);
     energy.kinetic + energy.potential
 }

@@ -18,36 +18,35 @@ struct Gait {
 
 fn steady_gait(solver: SolverParams) -> Gait {
     const STRIDES: u32 = 5;
-    let mut simulation =
-        simulation(&with_solver(solver), Start::Standing, vec![knot(0.0, 1.1, false), knot(1.0, 1.1, true)]);
-    while simulation.sample[0] < periods(20.0) as u64 {
-        simulation.advance(&[simulation.state_machine_command[0]]);
+    let mut trial = trial(&with_solver(solver), Start::Standing, vec![knot(0.0, 1.1, false), knot(1.0, 1.1, true)]);
+    while trial.sample[0] < periods(20.0) as u64 {
+        trial.advance_controlled();
     }
     // From one residual heel strike to the fifth after it.
-    let next_strike = |simulation: &mut Simulation<1>, peaks: &mut [f64; 4]| {
-        let strikes = simulation.plant.memory(0).heel_strikes;
-        while simulation.plant.memory(0).heel_strikes == strikes {
-            simulation.advance(&[simulation.state_machine_command[0]]);
-            let (motion, memory) = (simulation.state.motion.get(0), simulation.plant.memory(0));
+    let next_strike = |trial: &mut Trial<1>, peaks: &mut [f64; 4]| {
+        let strikes = trial.walkers.memory(0).heel_strikes;
+        while trial.walkers.memory(0).heel_strikes == strikes {
+            trial.advance_controlled();
+            let (motion, memory) = (trial.state.motion.get(0), trial.walkers.memory(0));
             let in_residual_stance = memory.intact == IntactState::Swing;
             let hip = &mut peaks[usize::from(!in_residual_stance)];
             *hip = hip.max(motion.hip_y);
-            let early = simulation.state.rest.time[0] - memory.step_start < 0.3 * memory.cycle;
+            let early = trial.state.rest.time[0] - memory.step_start < 0.3 * memory.cycle;
             let knee = &mut peaks[2 + usize::from(early)];
             *knee = knee.max((motion.thigh - motion.shank).to_degrees());
         }
-        simulation.plant.memory(0).step_start
+        trial.walkers.memory(0).step_start
     };
-    let begin = next_strike(&mut simulation, &mut [0.0; 4]);
+    let begin = next_strike(&mut trial, &mut [0.0; 4]);
     let (mut end, mut sums) = (begin, [0.0; 4]);
     for _ in 0..STRIDES {
         let mut peaks = [0.0; 4];
-        end = next_strike(&mut simulation, &mut peaks);
+        end = next_strike(&mut trial, &mut peaks);
         for (sum, peak) in sums.iter_mut().zip(peaks) {
             *sum += peak / f64::from(STRIDES);
         }
     }
-    assert_eq!(simulation.plant.memory(0).residual, ResidualState::StepCycle);
+    assert_eq!(trial.walkers.memory(0).residual, ResidualState::StepCycle);
     let [hip_in_residual_stance_m, hip_in_intact_stance_m, knee_in_swing_deg, knee_in_stance_deg] = sums;
     let stride_s = (end - begin) / f64::from(STRIDES);
     Gait { stride_s, hip_in_residual_stance_m, hip_in_intact_stance_m, knee_in_swing_deg, knee_in_stance_deg }
@@ -75,20 +74,18 @@ fn after_smooth_stretch(config: &Config, solver: SolverParams) -> Motion {
     const DAMPING: [f64; 1] = [10.0];
     let knots = vec![knot(0.0, 1.1, true)];
     let with_solver = |solver| Config { solver, ..config.clone() };
-    let mut reference = simulation(&with_solver(SolverParams::REFERENCE), Start::Cyclic, knots.clone());
+    let mut reference = trial(&with_solver(SolverParams::REFERENCE), Start::Cyclic, knots.clone());
     for _ in 0..periods(0.18) {
         reference.advance(&DAMPING);
     }
-    let mut simulation = simulation(&with_solver(solver), Start::Cyclic, knots);
-    simulation.plant = reference.plant;
-    simulation.state = reference.state;
-    simulation.sample = reference.sample;
+    let mut trial = trial(&with_solver(solver), Start::Cyclic, knots);
+    trial.continue_from(&reference);
     for _ in 0..periods(0.06) {
-        simulation.advance(&DAMPING);
-        assert!((0..2).all(|point| simulation.plant.contact(point, 0).tangential_damping > 0.0), "the foot slips");
-        assert_eq!(simulation.plant.device(0).extension_stop, 0.0);
+        trial.advance(&DAMPING);
+        assert!((0..2).all(|point| trial.plant().contact(point, 0).tangential_damping > 0.0), "the foot slips");
+        assert_eq!(trial.plant().device(0).extension_stop, 0.0);
     }
-    simulation.state.motion.get(0)
+    trial.state.motion.get(0)
 }
 
 /// Errors of the positions at the end of the stretch, for each number of steps per control period.

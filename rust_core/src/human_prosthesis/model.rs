@@ -1,0 +1,105 @@
+//! Constants of the human-prosthesis system: what no step changes.
+
+use super::general::GeneralModel;
+use super::state::State;
+use super::{HEEL, start};
+use crate::compliant_ground::{Ground, GroundLanes};
+use crate::config::Config;
+use crate::human_controller::{Human, HumanLanes, HumanParams, LegGeometry};
+use crate::hybrid_dynamics::body::{Body, BodyLanes};
+use crate::hybrid_dynamics::walker;
+use crate::prosthesis_device::KneeUnit;
+use crate::prosthesis_device::end_stop::{EndStop, EndStopLanes};
+use crate::prosthesis_device::passive_ankle::{Ankle, AnkleLanes};
+use crate::terrain::{self, Surface, Terrain, TerrainLanes};
+
+/// Constants of a block of walkers. Blocks of equal walkers share one.
+#[derive(Clone, Debug)]
+pub struct Model<const L: usize> {
+    pub(super) body: BodyLanes<L>,
+    pub(super) ground: GroundLanes<L>,
+    pub(super) terrain: TerrainLanes<L>,
+    /// Whether all of the block's ground is level, as the paper's.
+    pub(super) level: bool,
+    pub(super) human: HumanLanes<L>,
+    /// Knee unit.
+    pub unit: KneeUnit<L>,
+    pub(super) end_stop: EndStopLanes<L>,
+    pub(super) ankle: AnkleLanes<L>,
+    pub(super) human_params: [HumanParams; L],
+    /// Contact points of the sole in the foot frame, heel and ball first, m.
+    pub(super) sole: [Vec<[f64; 2]>; L],
+    /// Of walkers with more joints than the usual ones.
+    pub(super) general: Option<Box<GeneralModel<L>>>,
+}
+
+impl<const L: usize> Model<L> {
+    /// Walkers with the given parameters.
+    pub fn new(config: &Config) -> Self {
+        let body = Body::from(&config.body);
+        let terrain = Terrain::from(&config.ground);
+        Self {
+            body: BodyLanes::splat(body),
+            ground: GroundLanes::splat(Ground::from(&config.ground)),
+            terrain: TerrainLanes::splat(terrain),
+            level: terrain.is_level(),
+            human: HumanLanes::splat(human(&body, &config.human)),
+            unit: KneeUnit::new(config),
+            end_stop: EndStopLanes::splat(EndStop::from(&config.end_stop)),
+            ankle: AnkleLanes::splat(Ankle::from(&config.ankle)),
+            human_params: std::array::from_fn(|_| config.human.clone()),
+            sole: std::array::from_fn(|_| config.body.sole()),
+            general: GeneralModel::new(config, body.mass),
+        }
+    }
+
+    /// A state for walkers like these; [`HumanProsthesis::start`](super::HumanProsthesis::start) sets it.
+    pub fn state(&self) -> State<L> {
+        let general = self.general.as_ref().map(|general| Box::new(general.state()));
+        State { general, turns: self.unit.has_rotor(), ..State::default() }
+    }
+
+    /// Mechanical constants.
+    #[inline(always)]
+    pub fn body(&self, lane: usize) -> Body {
+        self.body.get(lane)
+    }
+
+    /// Height of the ground at `x`, m.
+    #[inline(always)]
+    pub fn ground_height(&self, lane: usize, x: f64) -> f64 {
+        if self.level { 0.0 } else { terrain::surface(&self.terrain.get(lane), x).height }
+    }
+
+    /// The ground at `x`.
+    pub(super) fn surface_at(&self, lane: usize, x: f64) -> Surface {
+        if self.level { Surface::LEVEL } else { terrain::surface(&self.terrain.get(lane), x) }
+    }
+
+    #[inline(always)]
+    pub(super) fn surface<const LEVEL: bool>(&self, lane: usize, x: f64) -> Surface {
+        if LEVEL { Surface::LEVEL } else { terrain::surface(&self.terrain.get(lane), x) }
+    }
+
+    /// Whether the trunk is a forward joint.
+    pub(super) fn trunk_forward(&self) -> bool {
+        self.general.as_ref().is_some_and(|general| general.trunk_forward)
+    }
+
+    /// Heel of the sole in the foot frame, m.
+    pub(super) fn heel(&self, lane: usize) -> [f64; 2] {
+        self.sole[lane][HEEL]
+    }
+}
+
+/// What the human controller is scheduled on.
+fn human(body: &Body, params: &HumanParams) -> Human {
+    let kin = walker::kinematics(body, &start::touch_down_posture(body, params), 0.0);
+    Human::from(LegGeometry {
+        mass: body.mass,
+        trunk_mass: body.trunk_mass,
+        leg_length: body.thigh_length + body.shank_length - body.sole_y,
+        touch_down_height: -(kin.thigh_y + kin.shank_y + kin.heel_y),
+        foot_length: body.ball_x - body.heel_x,
+    })
+}
