@@ -13,7 +13,7 @@ from rich.table import Table
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import merge
-from prosthesis_gym.policy import Policy
+from prosthesis_gym.controller import Controller
 from prosthesis_gym.vector_env import CONTROL_PERIOD_S
 
 #: Seeds from here on are for evaluation: training must stay below.
@@ -85,7 +85,7 @@ class EvaluationResult:
 
 
 def evaluate(
-    controller: Policy | None,
+    controller: Controller | None,
     config: Mapping[str, Any],
     *,
     episodes: int = 512,
@@ -95,9 +95,9 @@ def evaluate(
 ) -> EvaluationResult:
     """Run `episodes` episodes with the seeds `seed`, `seed + 1`, ... in one batch.
 
-    A policy brings its knee unit and its `action` and `observation` sections; a `config` that names another knee unit
-    is a ValueError. Without one, the state machine drives the knee, or a constant command if `action.mode` is
-    "constant". `progress` is called with the env steps done and the most there can be.
+    A controller (a policy, or one's own) brings its knee unit and its sections `action` and `observation`; a `config`
+    that names another knee unit is a ValueError. Without one, the state machine drives the knee, or a constant command
+    if `action.mode` is "constant". `progress` is called with the env steps done and the most there can be.
     """
     if not 1 <= episodes <= 1_000_000:
         raise ValueError(f"episodes = {episodes} is outside its allowed range [1, 1000000]")

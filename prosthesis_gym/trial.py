@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import merge, resolve
+from prosthesis_gym.controller import Controller
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.vector_env import CONTROL_PERIOD_S
@@ -32,16 +33,6 @@ _STOP_TIMEOUT_S = 5.0
 _PATIENCE_S = 2.0
 _STEPS_PER_UPDATE = 100
 _METADATA = b"prosthesis_gym"
-
-
-class Policy(Protocol):
-    """What can drive a trial."""
-
-    def configure(self, config: Mapping[str, Any], /) -> dict[str, Any]:
-        """`config` with the knee unit and the sections `action` and `observation` that the policy was made for."""
-
-    def act(self, observations: NDArray[np.float32], /) -> NDArray[Any]:
-        """Actions (N,) in [-1, 1] for observations (N, D)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,16 +69,16 @@ class Trial:
 def run_trial(
     config: Mapping[str, Any],
     *,
-    policy: Policy | None = None,
+    policy: Controller | None = None,
     duration_s: float | None = None,
     seed: int = 0,
     progress: bool = True,
 ) -> Trial:
     """Walk one walker until it falls or its time is over.
 
-    A policy brings its knee unit and its sections `action` and `observation`; a `config` that names another knee unit
-    is a ValueError. Without a policy, `action.mode` must be "state_machine" or "constant". `duration_s` replaces
-    `scenario.duration_s`.
+    A policy, or another controller, brings its knee unit and its sections `action` and `observation`; a `config` that
+    names another knee unit is a ValueError. Without a policy, `action.mode` must be "state_machine" or "constant".
+    `duration_s` replaces `scenario.duration_s`.
     """
     if policy is not None:
         config = policy.configure(config)

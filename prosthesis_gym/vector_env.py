@@ -18,6 +18,9 @@ CONTROL_PERIOD_S = 0.005
 
 Observations = NDArray[np.float32]
 
+_REASONS = np.array(_core.REASONS, dtype=object)
+_TERM_MASKS = [f"_{name}" for name in _core.TERMS]
+
 _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] = {
     AutoresetMode.NEXT_STEP: "next_step",
     AutoresetMode.SAME_STEP: "same_step",
@@ -88,8 +91,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
     Environment i, seeded with s, gives bit for bit the trajectory of a single environment seeded with s, whatever N and
     the number of threads. `reset(seed=s)` seeds environment i with s + i.
 
-    Infos of a step: `reward_terms` (name -> (N,) float64, the unweighted terms) and `termination_reason` ((N,) uint8,
-    index into `_core.REASONS`); with `AutoresetMode.SAME_STEP` also `final_obs` and `final_info`, as in Gymnasium.
+    Infos are those of N single environments, laid out as Gymnasium's `SyncVectorEnv` does, each key beside its mask
+    `_key` ((N,) bool): `reward_terms` (name -> (N,) float64, unweighted; 0 where the mask is False, that is where a
+    step only reset), in steps that end episodes `termination_reason` ((N,) object: str or None), and with
+    `AutoresetMode.SAME_STEP` then also `final_obs` and `final_info`. Unlike there, `reward_terms` is always present.
 
     Args:
         num_envs: number of walkers.
@@ -205,21 +210,43 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """
         flat = check_actions(actions, (self.num_envs, 1))
         step = self.batch.step(flat)
-        terms = step.terms
-        infos: dict[str, Any] = {
-            "reward_terms": {name: terms[:, i] for i, name in enumerate(_core.TERMS)},
-            "_reward_terms": self._all,
-            "termination_reason": step.reasons,
-            "_termination_reason": self._all,
-        }
-        finals, started = step.final_observations, step.started
+        terms, reasons, finals, started = step.terms, step.reasons, step.final_observations, step.started
         if finals is not None and started.any():
-            infos = self._same_step_infos(infos, finals, started)
+            infos = _same_step_infos(terms, reasons, finals, started)
+        else:
+            infos = _infos(terms, reasons, ~started)
         return step.observations, step.rewards, step.terminated, step.truncated, infos
 
-    def _same_step_infos(self, infos: dict[str, Any], finals: Observations, ended: NDArray[np.bool_]) -> dict[str, Any]:
-        """Hand out the last observation and info of episodes that ended, laid out as `SyncVectorEnv` does."""
-        final_obs = np.full(self.num_envs, None, dtype=object)
-        for index in np.flatnonzero(ended):
-            final_obs[index] = finals[index]
-        return infos | {"final_obs": final_obs, "_final_obs": ended, "final_info": infos, "_final_info": ended}
+
+def _infos(terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]) -> dict[str, Any]:
+    """Lay out the infos of the environments in the mask `present`; terms (N, number of terms) are 0 elsewhere."""
+    named = dict(zip(_core.TERMS, terms.T, strict=True)) | dict.fromkeys(_TERM_MASKS, present)
+    infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
+    if reasons.any():
+        ended = reasons != 0
+        names = np.full(reasons.size, None, dtype=object)
+        names[ended] = _REASONS[reasons[ended]]
+        infos |= {"termination_reason": names, "_termination_reason": ended}
+    return infos
+
+
+def _same_step_infos(
+    terms: NDArray[np.float64], reasons: NDArray[np.uint8], finals: Observations, ended: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """Lay out the infos of a step in which episodes ended: theirs is the final one, all others' the one of the step."""
+    where = ended[:, None]
+    infos = _infos(np.where(where, 0.0, terms), np.where(ended, 0, reasons), ~ended)
+    return infos | {
+        "final_obs": _rows(finals, ended),
+        "_final_obs": ended,
+        "final_info": _infos(np.where(where, terms, 0.0), reasons, ended),
+        "_final_info": ended,
+    }
+
+
+def _rows(observations: Observations, mask: NDArray[np.bool_]) -> NDArray[Any]:
+    """Return an object array (N,) of the rows in `mask`, None elsewhere."""
+    rows = np.full(mask.size, None, dtype=object)
+    for index in np.flatnonzero(mask):
+        rows[index] = observations[index]
+    return rows

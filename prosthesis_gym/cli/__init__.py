@@ -1,11 +1,11 @@
-"""Command line: `prosthesis-gym walk | bodies | accuracy | bench | parameters`."""
+"""Command line: `prosthesis-gym walk | bodies | accuracy | bench | torture | parameters`."""
 
 import argparse
 import os
 import sys
 from collections.abc import Sequence
 
-from prosthesis_gym.cli import accuracy, bench, bodies, parameters, walk
+from prosthesis_gym.cli import accuracy, bench, bodies, parameters, torture, walk
 
 _EXAMPLES = """\
 examples:
@@ -14,12 +14,13 @@ examples:
   prosthesis-gym bodies --out bodies.csv
   prosthesis-gym accuracy --episodes 512
   prosthesis-gym bench --walkers 1 4096
+  prosthesis-gym torture --steps 10000000
   prosthesis-gym parameters knee
 """
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command. Exit code 0 for success, 2 for bad input, 130 for Ctrl-C."""
+def new_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line; what it parses has a function `run`."""
     parser = argparse.ArgumentParser(
         prog="prosthesis-gym",
         description="Simulate walking with a lower-limb prosthesis.",
@@ -27,9 +28,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (walk, bodies, accuracy, bench, parameters):
+    for command in (walk, bodies, accuracy, bench, torture, parameters):
         command.add_parser(commands)
-    arguments = parser.parse_args(argv)
+    return parser
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command. Exit code 0 for success, 1 for what a check found wrong, 2 for bad input, 130 for Ctrl-C."""
+    arguments = new_parser().parse_args(argv)
     try:
         arguments.run(arguments)
         sys.stdout.flush()

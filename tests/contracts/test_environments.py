@@ -5,18 +5,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from comparing import random_actions
 from gymnasium.utils.env_checker import check_env
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from prosthesis_gym import ProsthesisVectorEnv, _core
-
-MODES = list(AutoresetMode)
-
-
-def random_actions(rng: np.random.Generator, count: int) -> NDArray[np.float32]:
-    return rng.uniform(-1.0, 1.0, (count, 1)).astype(np.float32)
 
 
 def test_gymnasium_check_env_passes(env_id: str) -> None:
@@ -25,63 +19,6 @@ def test_gymnasium_check_env_passes(env_id: str) -> None:
 
 def test_stable_baselines3_check_env_passes(env_id: str) -> None:
     sb3_check_env(gymnasium.make(env_id).unwrapped)
-
-
-def test_make_vec_gives_the_native_vector_env_with_its_spaces(env_id: str) -> None:
-    envs = gymnasium.make_vec(env_id, num_envs=5, config={"observation": {"frames": 3}})
-    assert isinstance(envs.unwrapped, ProsthesisVectorEnv)
-    observations, _ = envs.reset(seed=1)
-    assert observations.dtype == np.float32
-    assert observations.shape == (5, 3 * len(_core.channels(envs.unwrapped.config)))
-    assert envs.observation_space.contains(observations)
-    assert envs.action_space.shape == (5, 1)
-
-
-@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-def test_vector_env_does_what_gymnasiums_sync_vector_env_does(env_id: str, mode: AutoresetMode) -> None:
-    config = {"scenario": {"duration_s": 1.5}}
-    native = gymnasium.make_vec(env_id, num_envs=4, config=config, autoreset_mode=mode)
-    makers = [lambda: gymnasium.make(env_id, config=config) for _ in range(4)]
-    peer = SyncVectorEnv(makers, autoreset_mode=mode)
-    rng = np.random.default_rng(5)
-    ours, _ = native.reset(seed=11)
-    theirs, _ = peer.reset(seed=11)
-    np.testing.assert_array_equal(ours, theirs)
-    endings = 0
-    for _ in range(1000):
-        actions = random_actions(rng, 4)
-        ours, our_rewards, our_terminated, our_truncated, our_infos = native.step(actions)
-        theirs, rewards, terminated, truncated, infos = peer.step(actions)
-        np.testing.assert_array_equal(ours, theirs)
-        np.testing.assert_array_equal(our_rewards, rewards)
-        np.testing.assert_array_equal(our_terminated, terminated)
-        np.testing.assert_array_equal(our_truncated, truncated)
-        ended = terminated | truncated
-        endings += int(ended.sum())
-        if mode == AutoresetMode.SAME_STEP and ended.any():
-            np.testing.assert_array_equal(our_infos["_final_obs"], infos["_final_obs"])
-            for ours_final, theirs_final in zip(our_infos["final_obs"], infos["final_obs"], strict=True):
-                assert (ours_final is None) == (theirs_final is None)
-                assert ours_final is None or np.array_equal(ours_final, theirs_final)
-    assert endings > 4
-
-
-def test_disabled_autoreset_wants_a_reset_of_what_has_ended_and_of_nothing_else(env_id: str) -> None:
-    envs = gymnasium.make_vec(
-        env_id, num_envs=6, autoreset_mode=AutoresetMode.DISABLED, config={"scenario": {"duration_s": 20.0}}
-    )
-    rng = np.random.default_rng(2)
-    observations, _ = envs.reset(seed=3)
-    ended = np.zeros(6, dtype=bool)
-    while not ended.any():
-        observations, _, terminated, truncated, _ = envs.step(random_actions(rng, 6))
-        ended = terminated | truncated
-    with pytest.raises(ValueError, match="has ended"):
-        envs.step(random_actions(rng, 6))
-    after, _ = envs.reset(options={"reset_mask": ended})
-    np.testing.assert_array_equal(after[~ended], observations[~ended])
-    assert (after[ended] != observations[ended]).any(axis=1).all()
-    envs.step(random_actions(rng, 6))
 
 
 def test_seeded_episodes_repeat_and_unseeded_ones_differ(env_id: str) -> None:
@@ -118,13 +55,6 @@ def test_every_end_has_a_reason_and_the_time_limit_truncates(env_id: str) -> Non
         reasons.add(info["termination_reason"])
         assert terminated == (info["termination_reason"] != "time_limit")
     assert "hip_height" in reasons
-
-
-def test_max_episode_steps_counts_env_steps(env_id: str) -> None:
-    envs = gymnasium.make_vec(env_id, num_envs=2, max_episode_steps=7, config={"action": {"hold": 4}})
-    envs.reset(seed=0)
-    truncations = [envs.step(np.zeros((2, 1), dtype=np.float32))[3].all() for _ in range(7)]
-    assert truncations == [False] * 6 + [True]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,99 @@
+"""What drives a knee in a trial or an evaluation, and the shortest way to one's own: a function of the sensors."""
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from prosthesis_gym import _core
+from prosthesis_gym.config import Config, merge, resolve
+from prosthesis_gym.devices import DEVICES
+
+Readings: TypeAlias = dict[str, NDArray[np.float64]]
+"""Name of a sensor -> its readings (N,), one per walker; SI units, as the names say."""
+
+
+class Controller(Protocol):
+    """What can drive the knees of N walkers; a trained `prosthesis_gym.policy.Policy` is one."""
+
+    def configure(self, config: Mapping[str, Any], /) -> dict[str, Any]:
+        """`config` with the knee unit and the sections `action` and `observation` that the controller is made for."""
+
+    def act(self, observations: NDArray[np.float32], /) -> NDArray[Any]:
+        """Actions (N,) in [-1, 1] for observations (N, D)."""
+
+
+class SensorController:
+    """A controller made of a function from the leg's own sensors to the knee's command.
+
+    Args:
+        command: takes the readings (name -> (N,), such as "knee_angle_rad", "tube_force_bw"; `sensors` lists them) and
+            returns the command of each walker, (N,) or a number for all, in the unit of the knee: damping in
+            N m s²/rad², current in A or friction in N m. It is limited to what the knee can do. The last command and
+            that of the reference state machine are among the readings, in the same unit.
+        device: knee unit (a key of `prosthesis_gym.devices.DEVICES`).
+        hold: control periods of 5 ms from one call of `command` to the next.
+
+    Raises:
+        ValueError: unknown knee unit.
+
+    """
+
+    def __init__(self, command: Callable[[Readings], ArrayLike], device: str = "damper", *, hold: int = 1) -> None:
+        if device not in DEVICES:
+            raise ValueError(f"device = {device!r} must be one of {', '.join(DEVICES)}")
+        self.device = device
+        self.hold = hold
+        self._command = command
+        self._full, self._names = 1.0, list(self.sensors)
+
+    @property
+    def sensors(self) -> dict[str, str]:
+        """What each of the readings means."""
+        unit = DEVICES[self.device].command
+        described = {name: doc for name, _, _, doc in _core.channels({"device": {"kind": self.device}})}
+        return described | {
+            "last_command": f"Last command: {unit}",
+            "state_machine_command": f"What the reference state machine would command now: {unit}",
+        }
+
+    def configure(self, config: Mapping[str, Any], /) -> Config:
+        """Return `config` with this knee, direct commands over all that the knee can do, and one frame of readings.
+
+        Raises:
+            ValueError: `config` names another knee unit.
+
+        """
+        configured = merge({"device": {"kind": self.device}}, config)
+        resolved = resolve(configured)
+        if resolved["device"]["kind"] != self.device:
+            raise ValueError(f"device.kind = {resolved['device']['kind']!r}, but the controller is for {self.device!r}")
+        self._full = {
+            "damper": resolved["knee"]["max_damping_nms2_rad2"],
+            "motor": resolved["motor"]["current_limit_a"],
+            "friction": resolved["friction_knee"]["max_friction_nm"],
+        }[self.device]
+        action: Config = {"mode": "direct", "hold": self.hold}
+        if self.device == "damper":
+            action["max_command_nms2_rad2"] = self._full
+        return merge(configured, {"action": action, "observation": {"frames": 1}})
+
+    def act(self, observations: NDArray[np.float32], /) -> NDArray[np.float64]:
+        """Return actions (N,) for observations (N, D).
+
+        Raises:
+            ValueError: a command is not finite, or not one number per walker.
+
+        """
+        readings = dict(zip(self._names, np.asarray(observations, dtype=np.float64).T, strict=True))
+        for name in ("last_command", "state_machine_command"):
+            readings[name] = readings[name] * self._full
+        commands = np.broadcast_to(np.asarray(self._command(readings), dtype=np.float64), len(observations))
+        if not np.isfinite(commands).all():
+            raise ValueError(f"command = {commands[~np.isfinite(commands)][0]} must be a finite number")
+        if self.device == "motor":
+            return np.clip(commands / self._full, -1.0, 1.0)
+        # Damping and friction grow with the square of the action, from 0 at -1.
+        actions: NDArray[np.float64] = 2.0 * np.sqrt(np.clip(commands / self._full, 0.0, 1.0)) - 1.0
+        return actions
