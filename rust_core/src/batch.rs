@@ -174,6 +174,11 @@ impl Batch {
         self.setup.observation_size()
     }
 
+    /// How many numbers an action has.
+    pub fn action_size(&self) -> usize {
+        self.setup.action_size()
+    }
+
     /// What happens after an episode's end.
     pub fn autoreset(&self) -> Autoreset {
         self.setup.autoreset
@@ -218,7 +223,12 @@ impl Batch {
     }
 
     fn step_raw(&mut self, actions: &[f64], output: StepOutput<'_>) -> Result<()> {
-        self.check_length("actions", actions.len())?;
+        let size = self.setup.action_size();
+        if actions.len() != size * self.num_envs {
+            let reason =
+                format!("actions have {} entries, must have {size} per environment: {}", actions.len(), self.num_envs);
+            return Err(Error::Invalid(reason));
+        }
         if let Some(index) = actions.iter().position(|action| !action.is_finite()) {
             within(-1.0, 1.0).check(&format!("actions[{index}]"), actions[index], "")?;
         }
@@ -362,7 +372,7 @@ fn split<'a>(
         head
     };
     actions
-        .chunks(lanes)
+        .chunks(lanes * setup.action_size())
         .zip(output.observations.chunks_mut(size))
         .zip(output.rewards.chunks_mut(lanes))
         .zip(output.terminated.chunks_mut(lanes))

@@ -9,6 +9,7 @@ use crate::hybrid_dynamics::body::BodyParams;
 use crate::hybrid_dynamics::general_walker::MechanismParams;
 use crate::integrator::Stepper;
 use crate::params::{ParameterDoc, within};
+use crate::prosthesis_controller::agent::action::ActionMode;
 use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};
 use crate::prosthesis_controller::damper_fsm::DamperFsmParams;
 use crate::prosthesis_controller::motor_fsm::MotorFsmParams;
@@ -163,6 +164,9 @@ impl Config {
         for end in [0.0, 1.0] {
             let variation = self.scenario.human.at(|| end);
             self.human.varied(&variation).validate("human (varied by scenario.human)")?;
+        }
+        if self.action.mode == ActionMode::Impedance && !self.device.kind.has_motor() {
+            return Err(Error::Invalid("action.mode = impedance needs a motor: device.kind = motor".into()));
         }
         let (stop, body) = (&self.end_stop, &self.body);
         if stop.extension_angle_deg + stop.thickness_deg >= stop.flexion_angle_deg {

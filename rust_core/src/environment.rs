@@ -3,6 +3,7 @@
 //! The random stream of an episode depends on (seed, episode number) alone, and lanes never mix, so trajectories do not
 //! depend on batch size, position in the batch or number of threads.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 use rand_pcg::Pcg64;
@@ -10,7 +11,8 @@ use rand_pcg::Pcg64;
 use crate::config::Config;
 use crate::error::Result;
 use crate::math::{SPLITMIX_STEP, max, scramble, select};
-use crate::prosthesis_controller::agent::{self, ActionMap, LONGEST_FRAME};
+use crate::prosthesis_controller::agent::observation::{Sight, Truth};
+use crate::prosthesis_controller::agent::{ActionMap, Actuation, Actuations, ObservationMap};
 use crate::randomisation::Randomiser;
 use crate::recorder::Recorder;
 use crate::reward::{self, Outcome, TERMS, Terms, TermsLanes};
@@ -35,7 +37,6 @@ pub enum Autoreset {
 struct Env {
     seed: u64,
     episode: u64,
-    last_command: f64,
     ended: bool,
     /// That the present episode was drawn with.
     difficulty: f64,
@@ -49,6 +50,7 @@ struct Env {
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct SavedEnvironment {
     env: Env,
+    actuation: (Actuation, VecDeque<f64>),
     observation: Vec<f32>,
     walker: SavedWalker,
 }
@@ -113,8 +115,8 @@ pub struct Setup {
     /// Whether any walker may meet uneven ground.
     uneven: bool,
     action: ActionMap,
+    observation: ObservationMap,
     last_sample: u64,
-    frame_size: usize,
 }
 
 impl Setup {
@@ -123,15 +125,24 @@ impl Setup {
         config.validate()?;
         let last_sample = config.scenario.samples();
         let action = ActionMap::new(&config);
-        let frame_size = agent::channels(config.device.kind).len();
+        let observation = ObservationMap::new(&config);
         let randomiser = Randomiser::new(&config)?;
         let uneven = randomiser.as_ref().is_some_and(Randomiser::is_uneven);
-        Ok(Self { config, autoreset, difficulty: 1.0, randomiser, uneven, action, last_sample, frame_size })
+        Ok(Self { config, autoreset, difficulty: 1.0, randomiser, uneven, action, observation, last_sample })
     }
 
     /// Length of one environment's observation.
     pub fn observation_size(&self) -> usize {
-        self.config.observation.frames * self.frame_size
+        self.config.observation.frames * self.frame_size()
+    }
+
+    /// How many numbers an action has.
+    pub fn action_size(&self) -> usize {
+        self.action.size()
+    }
+
+    fn frame_size(&self) -> usize {
+        self.observation.channels().len()
     }
 }
 
@@ -148,6 +159,7 @@ fn random_stream(seed: u64, episode: u64) -> Pcg64 {
 pub struct Environments<const L: usize> {
     simulation: Simulation<L>,
     envs: [Env; L],
+    actuation: Actuations<L>,
     /// Newest observation of each lane, newest frame first.
     observations: Vec<f32>,
     /// Hip height that counts as a fall, m.
@@ -161,6 +173,7 @@ impl<const L: usize> Environments<L> {
         let mut environments = Self {
             simulation: Simulation::new(model),
             envs: [Env::default(); L],
+            actuation: Actuations::default(),
             observations: vec![0.0; L * setup.observation_size()],
             fall_height: [setup.config.termination.hip_height_m; L],
             recorder: None,
@@ -225,14 +238,15 @@ impl<const L: usize> Environments<L> {
             let next = Env { seed, episode: episode + 1, difficulty: setup.difficulty, ..Env::default() };
             let episode = self.draw(setup, model, lane, &next);
             self.envs[lane] = next;
+            self.actuation.set(lane, Default::default());
             self.simulation.start(model, lane, episode, scratch);
         }
         self.simulation.observe_started(model, lanes, scratch);
         for lane in (0..L).filter(|&lane| lanes[lane]) {
-            let frame = self.frame(setup, lane);
-            self.observation_mut(setup, lane)
-                .chunks_exact_mut(setup.frame_size)
-                .for_each(|slot| slot.copy_from_slice(&frame[..setup.frame_size]));
+            // The first frame stands for those before it.
+            for _ in 0..setup.config.observation.frames {
+                self.push_frame(setup, model, scratch, lane);
+            }
             if let Some((_, recorder)) = self.recorder.as_mut().filter(|(recorded, _)| *recorded == lane) {
                 *recorder = Recorder::default();
                 recorder.push(&Sampled { model, simulation: &self.simulation, scratch }, lane);
@@ -258,6 +272,7 @@ impl<const L: usize> Environments<L> {
         let size = setup.observation_size();
         Some(SavedEnvironment {
             env: self.envs[lane],
+            actuation: self.actuation.get(lane),
             observation: self.observations[lane * size..(lane + 1) * size].to_vec(),
             walker: self.simulation.save(lane)?,
         })
@@ -275,26 +290,31 @@ impl<const L: usize> Environments<L> {
         let episode = self.draw(setup, model, lane, &saved.env);
         self.simulation.restore(model, lane, episode, &saved.walker, scratch);
         self.envs[lane] = saved.env;
+        self.actuation.set(lane, saved.actuation.clone());
         self.observation_mut(setup, lane).copy_from_slice(&saved.observation);
     }
 
-    fn frame(&self, setup: &Setup, lane: usize) -> [f32; LONGEST_FRAME] {
-        agent::frame(
-            &setup.action,
-            &self.simulation.readings.get(lane),
-            self.envs[lane].last_command,
-            self.simulation.state_machine_command[lane],
-        )
-    }
-
     /// Pushes the newest frame in front of the older ones.
-    fn push_frame(&mut self, setup: &Setup, lane: usize) {
-        let frame = self.frame(setup, lane);
-        let frame = &frame[..setup.frame_size];
-        let observation = self.observation_mut(setup, lane);
-        let kept = observation.len() - frame.len();
-        observation.copy_within(..kept, frame.len());
-        observation[..frame.len()].copy_from_slice(frame);
+    #[inline(always)]
+    fn push_frame(&mut self, setup: &Setup, model: &Model<L>, scratch: &Scratch<L>, lane: usize) {
+        let (simulation, size) = (&self.simulation, setup.observation_size());
+        let truth = if setup.observation.privileged {
+            Truth::of(&Sampled { model, simulation, scratch }, lane)
+        } else {
+            Truth::default()
+        };
+        let sight = Sight {
+            lane,
+            readings: &simulation.readings,
+            last_command: setup.action.relative(self.actuation.now.command[lane]),
+            state_machine: setup.action.relative(simulation.state_machine_command[lane]),
+            phase: simulation.state_machine[lane].phase(),
+            truth: &truth,
+        };
+        let observation = &mut self.observations[lane * size..(lane + 1) * size];
+        let frame = setup.frame_size();
+        observation.copy_within(..size - frame, frame);
+        setup.observation.write(&sight, &mut observation[..frame]);
     }
 
     /// Advances every lane by one action of `action.hold` control periods; `actions` and `output` cover the used lanes. Returns
@@ -308,19 +328,24 @@ impl<const L: usize> Environments<L> {
         output: &mut StepOutput<'_>,
         scratch: &mut Scratch<L>,
     ) -> [bool; L] {
-        let used = actions.len();
+        let used = actions.len() / setup.action_size();
         let skipped: [bool; L] = std::array::from_fn(|lane| self.envs[lane].ended);
         let mut reasons = [Reason::None; L];
         let mut terms = TermsLanes::<L>::default();
 
         for held in 0..setup.config.action.hold {
-            let mut commands = [0.0; L];
+            let before = self.actuation.now.requested;
+            let mut phases = [0; L];
+            for lane in 0..L {
+                phases[lane] = self.simulation.state_machine[lane].phase();
+            }
+            let Simulation { readings, state_machine_command, .. } = &self.simulation;
+            let commands =
+                setup.action.commands(&mut self.actuation, actions, readings, &phases, state_machine_command);
             let mut changes = [0.0; L];
-            for lane in 0..used {
-                let fsm = self.simulation.state_machine_command[lane];
-                commands[lane] = setup.action.command(actions[lane], fsm);
-                if held == 0 {
-                    changes[lane] = setup.action.relative(commands[lane] - self.envs[lane].last_command);
+            if held == 0 {
+                for lane in 0..L {
+                    changes[lane] = setup.action.relative(self.actuation.now.requested[lane] - before[lane]);
                 }
             }
             self.simulation.advance(model, &commands, scratch);
@@ -334,9 +359,8 @@ impl<const L: usize> Environments<L> {
                 if let Some((_, recorder)) = self.recorder.as_mut().filter(|(recorded, _)| *recorded == lane) {
                     recorder.push(&Sampled { model, simulation: &self.simulation, scratch }, lane);
                 }
-                self.envs[lane].last_command = commands[lane];
                 if reasons[lane] != Reason::None || held + 1 == setup.config.action.hold {
-                    self.push_frame(setup, lane);
+                    self.push_frame(setup, model, scratch, lane);
                 }
             }
         }

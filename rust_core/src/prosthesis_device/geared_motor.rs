@@ -42,6 +42,13 @@ params! {
     }
 }
 
+impl GearedMotorParams {
+    /// Knee torque per ampere of an ideal drive train, N m/A.
+    pub fn torque_per_ampere(&self) -> f64 {
+        self.torque_constant_nm_a * self.gear_ratio
+    }
+}
+
 lanes! {
     /// Motor constants of one walker, SI.
     pub struct GearedMotor, GearedMotorLanes {

@@ -33,6 +33,13 @@ pub enum DeviceKind {
     Friction,
 }
 
+impl DeviceKind {
+    /// Whether the unit has a motor.
+    pub fn has_motor(self) -> bool {
+        self == Self::Motor
+    }
+}
+
 impl Parameter for DeviceKind {
     fn numbers(&self) -> [f64; 2] {
         [0.0; 2]

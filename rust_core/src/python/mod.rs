@@ -16,7 +16,7 @@ use crate::error::Error;
 use crate::human_controller::intent::Knot;
 use crate::human_controller::variation::HumanVariation;
 use crate::params::{above, within};
-use crate::prosthesis_controller::agent;
+use crate::prosthesis_controller::agent::{ActionMap, Channel, ObservationMap};
 use crate::randomisation::Drawn;
 use crate::recorder::COLUMNS;
 use crate::reward::TERMS;
@@ -321,8 +321,22 @@ fn resolve<'py>(py: Python<'py>, config: &Bound<'py, PyAny>) -> PyResult<Bound<'
 /// Observation frame of the configured knee unit: (name, low, high, meaning) in order.
 #[pyfunction]
 fn channels(config: &Bound<'_, PyAny>) -> PyResult<Vec<(&'static str, f32, f32, &'static str)>> {
-    let frame = agent::channels(read_config(config)?.device.kind);
-    Ok(frame.iter().map(|c| (c.name, c.bounds[0], c.bounds[1], c.doc)).collect())
+    let map = ObservationMap::new(&read_config(config)?);
+    Ok(map.channels().iter().map(|c| (c.name, c.bounds[0], c.bounds[1], c.doc)).collect())
+}
+
+/// Group of each channel of an observation frame, in the order of `channels`.
+#[pyfunction]
+fn channel_groups(config: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+    let map = ObservationMap::new(&read_config(config)?);
+    let name = |channel: &Channel| serde_json::to_value(channel.group).map(|group| group.as_str().map(str::to_owned));
+    Ok(map.channels().iter().filter_map(|channel| name(channel).ok().flatten()).collect())
+}
+
+/// How many numbers an action has.
+#[pyfunction]
+fn action_size(config: &Bound<'_, PyAny>) -> PyResult<usize> {
+    Ok(ActionMap::new(&read_config(config)?).size())
 }
 
 #[pymodule(gil_used = false)]
@@ -333,6 +347,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(parameters, module)?)?;
     module.add_function(wrap_pyfunction!(resolve, module)?)?;
     module.add_function(wrap_pyfunction!(channels, module)?)?;
+    module.add_function(wrap_pyfunction!(channel_groups, module)?)?;
+    module.add_function(wrap_pyfunction!(action_size, module)?)?;
     module.add_function(wrap_pyfunction!(dynamics::walker_joints_of, module)?)?;
     module.add("TERMS", TERMS.to_vec())?;
     module.add("REASONS", REASONS.to_vec())?;

@@ -1,0 +1,417 @@
+//! From actions in [-1, 1] to commands of the knee unit, by way of what lies between an agent and a valve or an amplifier.
+//!
+//! ```text
+//! action ─> held for `hold` periods or until the gait phase changes ─> mode ─> delay ─> rate limit ─> low-pass ─> command
+//! ```
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::Config;
+use crate::lanes::lanes;
+use crate::math::{clamp, max, min};
+use crate::params::{ANY, Parameter, Range, above, params, within};
+use crate::prosthesis_device::DeviceKind;
+use crate::signals::{CONTROL_PERIOD_S, ReadingsLanes};
+
+/// What the action means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActionMode {
+    /// The command itself.
+    #[default]
+    Direct,
+    /// A correction, added to the state machine's command.
+    Residual,
+    /// Stiffness, damping and rest angle that the motor imitates.
+    Impedance,
+    /// None: the state machine alone drives the knee.
+    StateMachine,
+    /// None: the command is constant.
+    Constant,
+}
+
+impl Parameter for ActionMode {
+    fn numbers(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+    fn text(&self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+    fn allowed(_: Range) -> String {
+        "direct | residual | impedance | state_machine | constant".to_owned()
+    }
+}
+
+/// When a new action takes effect.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Latch {
+    /// At once.
+    #[default]
+    Step,
+    /// When the state machine enters its next gait phase; until then the last one holds.
+    Phase,
+}
+
+impl Parameter for Latch {
+    fn numbers(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+    fn text(&self) -> String {
+        format!("{self:?}").to_lowercase()
+    }
+    fn allowed(_: Range) -> String {
+        "step | phase".to_owned()
+    }
+}
+
+params! {
+    /// How actions become commands.
+    pub struct ActionParams {
+        /// What the action means: the command itself (direct), a correction added to the state machine's (residual), stiffness, damping and rest angle of a motor knee (impedance), nothing (state_machine, constant).
+        mode: ActionMode = ActionMode::Direct, "", ANY;
+        /// When a new action takes effect: at once (step), or when the state machine enters its next gait phase (phase), so that parameters are held per phase.
+        latch: Latch = Latch::Step, "", ANY;
+        /// Damper knee: coefficient at action +1 in mode `direct`, and upper limit in mode `residual`.
+        max_command_nms2_rad2: f64 = 20.0, "N m s^2/rad^2", above(0.0, 1e4);
+        /// Damper knee: correction at action +1 in mode `residual`.
+        residual_nms2_rad2: f64 = 10.0, "N m s^2/rad^2", above(0.0, 1e4);
+        /// Damper knee: coefficient of mode `constant`.
+        constant_nms2_rad2: f64 = 0.0, "N m s^2/rad^2", within(0.0, 1e4);
+        /// Motor knee: correction at action +1 in mode `residual`.
+        residual_a: f64 = 2.0, "A", above(0.0, 1e3);
+        /// Motor knee: current of mode `constant`, flexing positive.
+        constant_a: f64 = 0.0, "A", within(-1e3, 1e3);
+        /// Motor knee: stiffness at action +1 in mode `impedance`, quadratic from 0 at -1.
+        max_stiffness_nm_rad: f64 = 200.0, "N m/rad", above(0.0, 1e4);
+        /// Motor knee: damping at action +1 in mode `impedance`, quadratic from 0 at -1.
+        max_damping_nms_rad: f64 = 10.0, "N m s/rad", above(0.0, 1e3);
+        /// Motor knee: rest angle of knee flexion at action +1 in mode `impedance`; 0 at -1.
+        max_rest_angle_deg: f64 = 70.0, "deg", above(0.0, 120.0);
+        /// Friction knee: correction at action +1 in mode `residual`.
+        residual_nm: f64 = 5.0, "N m", above(0.0, 1e3);
+        /// Friction knee: friction torque of mode `constant`.
+        constant_nm: f64 = 0.0, "N m", within(0.0, 1e3);
+        /// Control periods of 5 ms that one action holds for; one env step advances that many.
+        hold: usize = 1, "samples", within(1.0, 200.0);
+        /// Control periods of 5 ms by which commands come late.
+        delay_samples: usize = 0, "samples", within(0.0, 200.0);
+        /// Fastest change of the command, in commands of a full action per second; 0 for no limit.
+        rate_limit_per_s: f64 = 0.0, "1/s", within(0.0, 1e6);
+        /// Time constant of a first-order low-pass on the command; 0 for none.
+        filter_s: f64 = 0.0, "s", within(0.0, 10.0);
+    }
+}
+
+/// From actions in [-1, 1] to commands of one knee unit.
+#[derive(Clone, Copy, Debug)]
+pub struct ActionMap {
+    mode: ActionMode,
+    latch: Latch,
+    /// Whether commands have a sign (current) or none (damping, friction).
+    signed: bool,
+    /// Command at action +1.
+    full: f64,
+    residual: f64,
+    constant: f64,
+    /// What the unit can do at most.
+    limit: f64,
+    impedance: Impedance,
+    delay: usize,
+    /// Largest change of the command per control period.
+    largest_change: f64,
+    /// Share of its way to the new command that the low-pass goes in a control period.
+    filter_share: f64,
+}
+
+/// Scale of an impedance action.
+#[derive(Clone, Copy, Debug, Default)]
+struct Impedance {
+    /// N m/rad.
+    stiffness: f64,
+    /// N m s/rad.
+    damping: f64,
+    /// rad.
+    rest_angle: f64,
+    /// Current per knee torque, A/(N m).
+    current_per_torque: f64,
+}
+
+lanes! {
+    /// What lies between an agent and its knee unit remembers, but for its delay.
+    pub struct Actuation, ActuationLanes {
+        /// First number of the action in effect.
+        action_0: f64,
+        /// Second number.
+        action_1: f64,
+        /// Third number.
+        action_2: f64,
+        /// Gait phase that it was latched in; 0 before the first.
+        phase: u8,
+        /// Last command that was asked for.
+        requested: f64,
+        /// Last command to the knee unit.
+        command: f64,
+    }
+}
+
+/// The same of a block of walkers, with the commands under way to each, oldest first.
+#[derive(Clone, Debug)]
+pub struct Actuations<const L: usize> {
+    /// Present actions and commands.
+    pub now: ActuationLanes<L>,
+    lines: [VecDeque<f64>; L],
+}
+
+impl<const L: usize> Default for Actuations<L> {
+    fn default() -> Self {
+        Self { now: ActuationLanes::default(), lines: std::array::from_fn(|_| VecDeque::new()) }
+    }
+}
+
+impl<const L: usize> Actuations<L> {
+    /// Those in `lane`.
+    pub fn get(&self, lane: usize) -> (Actuation, VecDeque<f64>) {
+        (self.now.get(lane), self.lines[lane].clone())
+    }
+
+    /// Replaces those in `lane`.
+    pub fn set(&mut self, lane: usize, (now, line): (Actuation, VecDeque<f64>)) {
+        self.now.set(lane, now);
+        self.lines[lane] = line;
+    }
+}
+
+impl ActionMap {
+    /// The map of the configured knee unit.
+    pub fn new(config: &Config) -> Self {
+        let action = &config.action;
+        let (signed, full, residual, constant, limit) = match config.device.kind {
+            DeviceKind::Damper => (
+                false,
+                action.max_command_nms2_rad2,
+                action.residual_nms2_rad2,
+                action.constant_nms2_rad2,
+                config.knee.max_damping_nms2_rad2,
+            ),
+            DeviceKind::Motor => {
+                let limit = config.motor.current_limit_a;
+                (true, limit, action.residual_a, action.constant_a, limit)
+            }
+            DeviceKind::Friction => {
+                let limit = config.friction_knee.max_friction_nm;
+                (false, limit, action.residual_nm, action.constant_nm, limit)
+            }
+        };
+        let filter = action.filter_s;
+        Self {
+            mode: action.mode,
+            latch: action.latch,
+            signed,
+            full,
+            residual,
+            constant,
+            limit,
+            impedance: Impedance {
+                stiffness: action.max_stiffness_nm_rad,
+                damping: action.max_damping_nms_rad,
+                rest_angle: action.max_rest_angle_deg.to_radians(),
+                current_per_torque: 1.0 / config.motor.torque_per_ampere(),
+            },
+            delay: action.delay_samples,
+            largest_change: match action.rate_limit_per_s {
+                0.0 => f64::INFINITY,
+                rate => rate * full * CONTROL_PERIOD_S,
+            },
+            filter_share: if filter > 0.0 { 1.0 - crate::math::exp(-CONTROL_PERIOD_S / filter) } else { 1.0 },
+        }
+    }
+
+    /// How many numbers an action has.
+    pub fn size(&self) -> usize {
+        if self.mode == ActionMode::Impedance { 3 } else { 1 }
+    }
+
+    /// Commands of the next control period for actions (n, action size) of the first n lanes. `phases` and `state_machine` are
+    /// phases and commands of the state machines.
+    #[inline(always)]
+    pub fn commands<const L: usize>(
+        &self,
+        memory: &mut Actuations<L>,
+        actions: &[f64],
+        readings: &ReadingsLanes<L>,
+        phases: &[u8; L],
+        state_machine: &[f64; L],
+    ) -> [f64; L] {
+        let now = &mut memory.now;
+        for (lane, action) in actions.chunks_exact(self.size()).enumerate() {
+            if self.latch == Latch::Step || phases[lane] != now.phase[lane] {
+                now.action_0[lane] = clamp(action[0], -1.0, 1.0);
+                if let [_, second, third] = action {
+                    now.action_1[lane] = clamp(*second, -1.0, 1.0);
+                    now.action_2[lane] = clamp(*third, -1.0, 1.0);
+                }
+                now.phase[lane] = phases[lane];
+            }
+        }
+        let mut command = self.requests(now, readings, state_machine);
+        now.requested = command;
+        if self.delay > 0 {
+            for (command, line) in command.iter_mut().zip(&mut memory.lines) {
+                line.push_back(*command);
+                // Nothing has been asked for before the start.
+                *command = if line.len() > self.delay { line.pop_front().unwrap_or(0.0) } else { 0.0 };
+            }
+        }
+        if self.largest_change < f64::INFINITY {
+            for lane in 0..L {
+                let change = command[lane] - now.command[lane];
+                command[lane] = now.command[lane] + clamp(change, -self.largest_change, self.largest_change);
+            }
+        }
+        if self.filter_share < 1.0 {
+            for lane in 0..L {
+                command[lane] = now.command[lane] + self.filter_share * (command[lane] - now.command[lane]);
+            }
+        }
+        now.command = command;
+        command
+    }
+
+    /// What the actions ask for. A current is proportional to its action, damping and friction are quadratic from 0 at -1.
+    #[inline(always)]
+    fn requests<const L: usize>(
+        &self,
+        now: &ActuationLanes<L>,
+        readings: &ReadingsLanes<L>,
+        state_machine: &[f64; L],
+    ) -> [f64; L] {
+        let mut command = [self.constant; L];
+        match self.mode {
+            ActionMode::Direct if self.signed => {
+                for lane in 0..L {
+                    command[lane] = self.full * now.action_0[lane];
+                }
+            }
+            ActionMode::Direct => {
+                for lane in 0..L {
+                    command[lane] = self.full * quadratic(now.action_0[lane]);
+                }
+            }
+            ActionMode::Residual => {
+                for lane in 0..L {
+                    // The state machine may exceed the agent's range; the agent must not cut it.
+                    let limit = max(state_machine[lane], self.full);
+                    command[lane] = min(state_machine[lane] + self.residual * now.action_0[lane], limit);
+                }
+            }
+            ActionMode::Impedance => {
+                for lane in 0..L {
+                    let (angle, speed) = (readings.knee_angle[lane], readings.knee_speed[lane]);
+                    command[lane] = self.impedance.current(&now.get(lane), angle, speed);
+                }
+            }
+            ActionMode::StateMachine => command = *state_machine,
+            ActionMode::Constant => {}
+        }
+        for command in &mut command {
+            *command = clamp(*command, if self.signed { -self.limit } else { 0.0 }, self.limit);
+        }
+        command
+    }
+
+    /// A command over that of a full action, for observations and rewards.
+    #[inline(always)]
+    pub fn relative(&self, command: f64) -> f64 {
+        command / self.full
+    }
+}
+
+impl Impedance {
+    /// Current that makes an ideal drive train a spring and damper, for knee flexion (rad) and its speed (rad/s), A.
+    #[inline(always)]
+    fn current(&self, action: &Actuation, angle: f64, speed: f64) -> f64 {
+        let rest_angle = self.rest_angle * 0.5 * (action.action_2 + 1.0);
+        let spring = self.stiffness * quadratic(action.action_0) * (rest_angle - angle);
+        (spring - self.damping * quadratic(action.action_1) * speed) * self.current_per_torque
+    }
+}
+
+/// From 0 at -1 to 1 at +1, finest near 0.
+#[inline(always)]
+fn quadratic(action: f64) -> f64 {
+    0.25 * (action + 1.0) * (action + 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signals::Readings;
+
+    fn map(change: impl Fn(&mut Config)) -> ActionMap {
+        let mut config = Config::default();
+        change(&mut config);
+        ActionMap::new(&config)
+    }
+
+    /// Command of one walker, no state machine.
+    fn command(map: &ActionMap, memory: &mut Actuations<1>, action: &[f64], readings: Readings, phase: u8) -> f64 {
+        map.commands(memory, action, &ReadingsLanes::splat(readings), &[phase], &[0.0])[0]
+    }
+
+    /// Commands of full actions, no state machine.
+    fn step_response(map: &ActionMap, periods: usize) -> Vec<f64> {
+        let mut memory = Actuations::default();
+        (0..periods).map(|_| command(map, &mut memory, &[1.0], Readings::default(), 1)).collect()
+    }
+
+    #[test]
+    fn commands_come_late_by_exactly_the_delay() {
+        let commands = step_response(&map(|config| config.action.delay_samples = 3), 6);
+        assert_eq!(commands, [0.0, 0.0, 0.0, 20.0, 20.0, 20.0]);
+    }
+
+    #[test]
+    fn the_rate_limit_is_kept_and_reached() {
+        let commands = step_response(&map(|config| config.action.rate_limit_per_s = 50.0), 6);
+        assert_eq!(commands, [5.0, 10.0, 15.0, 20.0, 20.0, 20.0]);
+    }
+
+    #[test]
+    fn the_low_pass_has_come_63_percent_of_the_way_after_its_time_constant() {
+        let commands = step_response(&map(|config| config.action.filter_s = 0.05), 10);
+        assert!((commands[9] - 20.0 * (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_latched_action_holds_until_the_gait_phase_changes() {
+        let map = map(|config| config.action.latch = Latch::Phase);
+        let mut memory = Actuations::default();
+        let mut at = |action: f64, phase: u8| command(&map, &mut memory, &[action], Readings::default(), phase);
+        assert_eq!(at(1.0, 1), 20.0);
+        assert_eq!(at(-1.0, 1), 20.0);
+        assert_eq!(at(-1.0, 2), 0.0);
+        assert_eq!(at(1.0, 2), 0.0);
+    }
+
+    #[test]
+    fn an_impedance_pulls_to_its_rest_angle_and_against_motion() {
+        let map = map(|config| {
+            config.device.kind = DeviceKind::Motor;
+            config.action.mode = ActionMode::Impedance;
+        });
+        assert_eq!(map.size(), 3);
+        let current = |action: [f64; 3], knee_angle: f64, knee_speed: f64| {
+            let readings = Readings { knee_angle, knee_speed, ..Readings::default() };
+            command(&map, &mut Actuations::default(), &action, readings, 1)
+        };
+        let rest = 35.0_f64.to_radians();
+        assert!(current([0.0, -1.0, 0.0], rest, 3.0).abs() < 1e-12);
+        assert!(current([0.0, -1.0, 0.0], rest - 0.01, 0.0) > 0.0 && current([0.0, -1.0, 0.0], rest + 0.01, 0.0) < 0.0);
+        assert!(current([-1.0, 0.0, 0.0], 1.0, 0.2) < 0.0 && current([-1.0, 0.0, 0.0], 1.0, -0.2) > 0.0);
+        let torque = current([0.0, -1.0, 0.0], rest - 0.01, 0.0) * Config::default().motor.torque_per_ampere();
+        assert!((torque - 0.01 * 200.0 / 4.0).abs() < 1e-9, "{torque}");
+    }
+}

@@ -1,0 +1,7 @@
+//! The agent in place of a prosthesis controller: what it sees ([`observation`]) and what its actions do ([`action`]).
+
+pub mod action;
+pub mod observation;
+
+pub use action::{ActionMap, ActionParams, Actuation, Actuations};
+pub use observation::{Channel, ObservationMap, ObservationParams};
