@@ -67,13 +67,13 @@ class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
         return self.batch.reset(seeds)[0], {}
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
-        """Advance by one action ((1,) float32 or float64) of `action.hold` control periods.
+        """Advance by one action of `action.hold` control periods: (1,) float32 or float64, (3,) in mode "impedance".
 
         Raises:
             ValueError: wrong shape or dtype, NaN, or the episode has ended.
 
         """
-        step = self.batch.step(check_actions(action, (1,)))
+        step = self.batch.step(check_actions(action, self.action_space.shape or ()))
         info: dict[str, Any] = {"reward_terms": dict(zip(_core.TERMS, step.terms[0].tolist(), strict=True))}
         reason = step.reasons[0]
         if reason:

@@ -32,13 +32,13 @@ def spaces(config: Mapping[str, Any]) -> tuple[Box, Box]:
     """Return observation and action space of one environment with the given complete configuration.
 
     The observation is `observation.frames` frames of the sensors in `_core.channels(config)`, newest first, float32.
-    The action is one number in [-1, 1]; what it means is `action.mode`.
+    The action is one number in [-1, 1], or three in mode "impedance"; what they mean is `action.mode`.
     """
     frames = config["observation"]["frames"]
     channels = _core.channels(config)
     low = np.tile(np.array([channel[1] for channel in channels], dtype=np.float32), frames)
     high = np.tile(np.array([channel[2] for channel in channels], dtype=np.float32), frames)
-    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (1,), dtype=np.float32)
+    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (_core.action_size(config),), dtype=np.float32)
 
 
 def environment_config(
@@ -198,7 +198,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """Advance all environments by one action of `action.hold` control periods.
 
         Args:
-            actions: (N, 1) float32 or float64, limited to [-1, 1].
+            actions: (N, 1), or (N, 3) in mode "impedance", float32 or float64, limited to [-1, 1].
 
         Returns:
             Observations (N, frames * channels) float32, rewards (N,) float64, terminated and truncated (N,) bool,
@@ -208,7 +208,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             ValueError: wrong shape or dtype, NaN, or (autoreset disabled) an environment that has ended.
 
         """
-        flat = check_actions(actions, (self.num_envs, 1))
+        flat = check_actions(actions, self.action_space.shape or ())
         step = self.batch.step(flat)
         terms, reasons, finals, started = step.terms, step.reasons, step.final_observations, step.started
         if finals is not None and started.any():

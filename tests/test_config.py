@@ -57,7 +57,7 @@ def test_bad_configurations_are_named(config: dict[str, Any], complaint: str) ->
 def dotted_keys(section: Config) -> Iterator[str]:
     """Keys of all values in a nested configuration."""
     for key, value in section.items():
-        if isinstance(value, dict):
+        if isinstance(value, dict) and value:
             yield from (f"{key}.{rest}" for rest in dotted_keys(value))
         else:
             yield key
