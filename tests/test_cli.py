@@ -258,7 +258,7 @@ def test_bench_refuses_impossible_arguments(arguments: list[str], capsys: pytest
     assert capsys.readouterr().err.startswith("prosthesis-gym: error: ")
 
 
-@pytest.mark.parametrize("command", [[], ["walk"], ["bodies"], ["accuracy"], ["bench"], ["parameters"]])
+@pytest.mark.parametrize("command", [[], ["walk"], ["render"], ["bodies"], ["accuracy"], ["bench"], ["parameters"]])
 def test_help_ends_with_examples(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         main([*command, "--help"])
