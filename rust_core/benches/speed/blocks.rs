@@ -172,11 +172,15 @@ impl<const L: usize> Kernel for Contacts<L> {
     fn run(&mut self) {
         for block in self.blocks.iter_mut().flatten() {
             for lane in 0..L {
-                let (point, deformation) = (block.point.get(lane), block.deformation[lane]);
-                let contact = compliant_ground::contact(&self.ground, point.y, point.vx, point.vy, deformation);
+                let point = block.point.get(lane);
+                let contact =
+                    compliant_ground::contact(&self.ground, point.y, point.vx, point.vy, block.deformation[lane]);
                 block.contact.set(lane, contact);
+            }
+            for lane in 0..L {
+                let (contact, vx) = (block.contact.get(lane), block.point.vx[lane]);
                 block.deformation_rate[lane] =
-                    compliant_ground::deformation_rate(&self.ground, &contact, deformation, point.vx, STEP_S);
+                    compliant_ground::deformation_rate(&self.ground, &contact, block.deformation[lane], vx, STEP_S);
             }
         }
     }

@@ -19,9 +19,9 @@ pub fn all(criterion: &mut Criterion) {
     let euler = SolverParams { stepper: Stepper::LinearlyImplicitEuler, ..fast };
     for (name, solver) in [("rk4", SolverParams::REFERENCE), ("linearly_implicit_euler", euler), ("two_stage_w", fast)]
     {
-        let name = format!("integrator step/{name}");
-        step(criterion, &name, &ClosedLoop::<1>::new(DeviceKind::Damper), solver, Kernel::run);
-        step(criterion, &name, &ClosedLoop::<LANES>::new(DeviceKind::Damper), solver, run_wide);
+        let name = format!("integrator steps/{name}");
+        steps(criterion, &name, &ClosedLoop::<1>::new(DeviceKind::Damper), solver, Kernel::run);
+        steps(criterion, &name, &ClosedLoop::<LANES>::new(DeviceKind::Damper), solver, run_wide);
     }
     for kind in [DeviceKind::Damper, DeviceKind::Motor, DeviceKind::Friction] {
         let name = format!("control period/{kind:?}").to_lowercase();
@@ -73,55 +73,55 @@ fn period<const L: usize>(
     group.bench_function(BenchmarkId::from_parameter(L), |bencher| bencher.iter(|| run(black_box(&mut walkers))));
 }
 
-/// One step of the integrator from one moment of a walk.
+/// The integrator's steps of one control period, from one moment of a walk.
 #[derive(Clone)]
-struct OneStep<'a, const L: usize> {
+struct Steps<'a, const L: usize> {
     model: &'a PlantModel<L>,
     state: State<L>,
     walkers: Walkers<L>,
     signals: Signals<L>,
     work: Workspace<State<L>>,
-    stepper: Stepper,
-    step_s: f64,
+    solver: SolverParams,
 }
 
-impl<'a, const L: usize> OneStep<'a, L> {
+impl<'a, const L: usize> Steps<'a, L> {
     fn new(from: &'a ClosedLoop<L>, solver: SolverParams) -> Self {
         let Simulation { state, walkers, .. } = &from.simulation;
         let model = &from.model.plant;
-        let mut one = Self {
+        let mut period = Self {
             model,
             state: state.clone(),
             walkers: walkers.clone(),
             signals: Signals::new(model),
             work: Workspace::new(state),
-            stepper: solver.stepper,
-            step_s: CONTROL_PERIOD_S / solver.steps as f64,
+            solver,
         };
-        HumanProsthesis { model, walkers: &mut one.walkers, signals: &mut one.signals }.sense(&one.state);
-        one
+        HumanProsthesis { model, walkers: &mut period.walkers, signals: &mut period.signals }.sense(&period.state);
+        period
     }
 }
 
-impl<const L: usize> Kernel for OneStep<'_, L> {
+impl<const L: usize> Kernel for Steps<'_, L> {
     #[inline(always)]
     fn run(&mut self) {
         let mut plant = HumanProsthesis { model: self.model, walkers: &mut self.walkers, signals: &mut self.signals };
-        integrator::advance(&mut plant, &mut self.state, &mut self.work, self.stepper, self.step_s, 1);
+        let SolverParams { stepper, steps } = self.solver;
+        integrator::advance(&mut plant, &mut self.state, &mut self.work, stepper, CONTROL_PERIOD_S, steps);
     }
 }
 
-fn step<'a, const L: usize>(
+fn steps<'a, const L: usize>(
     criterion: &mut Criterion,
     name: &str,
     from: &'a ClosedLoop<L>,
     solver: SolverParams,
-    run: fn(&mut OneStep<'a, L>),
+    run: fn(&mut Steps<'a, L>),
 ) {
-    let one = OneStep::new(from, solver);
+    let period = Steps::new(from, solver);
     let mut group = criterion.benchmark_group(name);
-    group.throughput(Throughput::Elements(L as u64));
+    group.throughput(Throughput::Elements((L * solver.steps) as u64));
     group.bench_function(BenchmarkId::from_parameter(L), |bencher| {
-        bencher.iter_batched_ref(|| one.clone(), run, BatchSize::SmallInput);
+        // A batch of periods would leave the caches, which the threads of a batch do not.
+        bencher.iter_batched_ref(|| period.clone(), run, BatchSize::PerIteration);
     });
 }
