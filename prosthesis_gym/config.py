@@ -9,6 +9,9 @@ from prosthesis_gym import _core
 
 Config = dict[str, Any]
 
+CONTROL_PERIOD_S = 0.005
+"""Control period of the prosthesis (200 Hz). One env step advances `action.hold` of them."""
+
 REFERENCE_SOLVER: Config = {"solver": {"stepper": "rk4", "steps": 50}}
 """The converged reference stepper: RK4 at 0.1 ms with located events."""
 

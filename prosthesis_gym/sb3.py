@@ -17,7 +17,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from prosthesis_gym import _core
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S, ProsthesisVectorEnv
+from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 OBSERVATION_EPSILON = 1e-8
 """Added to the variance that normalised observations are divided by the root of."""
@@ -60,8 +61,17 @@ class ProsthesisVecEnv(VecEnv):
         staggered: bool = False,
         normalise_observations: bool = False,
         clip_observation: float = 10.0,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
     ) -> None:
-        self.envs = ProsthesisVectorEnv(num_envs, config, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads)
+        self.envs = ProsthesisVectorEnv(
+            num_envs,
+            config,
+            autoreset_mode=AutoresetMode.SAME_STEP,
+            threads=threads,
+            render_mode=render_mode,
+            render_size=render_size,
+        )
         #: Wall time spent in the native core since the environment was made, s.
         self.core_seconds = 0.0
         self._staggered = staggered
@@ -73,6 +83,7 @@ class ProsthesisVecEnv(VecEnv):
             self.envs.batch.normalise_observations(clip_observation, OBSERVATION_EPSILON)
             space = Box(-clip_observation, clip_observation, space.shape, np.float32)
         super().__init__(num_envs, space, self.envs.single_action_space)
+        self.metadata["render_fps"] = self.envs.metadata["render_fps"]
 
     @property
     def observation_moments(self) -> ObservationMoments:
@@ -95,7 +106,11 @@ class ProsthesisVecEnv(VecEnv):
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
-        return self._stagger() if self._staggered else observations
+        if self._staggered:
+            observations = self._stagger()
+            if self.envs.rendering is not None:
+                self.envs.rendering.reset()
+        return observations
 
     def _stagger(self) -> NDArray[np.float32]:
         """Spread the ages of the walkers evenly over the length of an episode, with action 0."""
@@ -118,6 +133,8 @@ class ProsthesisVecEnv(VecEnv):
         step = self.envs.batch.step(self._actions)
         now = time.perf_counter()
         self.core_seconds += now - began
+        if self.envs.rendering is not None:
+            self.envs.rendering.step()
         truncated = step.truncated
         dones = step.terminated | truncated
         infos = self._infos.copy()
@@ -168,8 +185,8 @@ class ProsthesisVecEnv(VecEnv):
         return [issubclass(wrapper_class, Monitor)] * len(self._selected(indices))
 
     def get_images(self) -> Sequence[NDArray[Any] | None]:
-        """Return None for each: walkers in a batch are not rendered."""
-        return [None] * self.num_envs
+        """Return a picture (height, width, 3) uint8 of each of the first 16 walkers; None for all without a mode."""
+        return [None] * self.num_envs if self.envs.rendering is None else self.envs.rendering.frames()
 
     def _selected(self, indices: VecEnvIndices) -> list[int]:
         selected = list(self._get_indices(indices))

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
@@ -11,10 +12,9 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import Config, load_config, merge, resolve
-
-CONTROL_PERIOD_S = 0.005
-"""Control period of the prosthesis (200 Hz). One env step advances `action.hold` of them."""
+from prosthesis_gym.config import CONTROL_PERIOD_S, Config, load_config, merge, resolve
+from prosthesis_gym.rendering.canvas import Frame
+from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
 
 Observations = NDArray[np.float32]
 
@@ -32,13 +32,13 @@ def spaces(config: Mapping[str, Any]) -> tuple[Box, Box]:
     """Return observation and action space of one environment with the given complete configuration.
 
     The observation is `observation.frames` frames of the sensors in `_core.channels(config)`, newest first, float32.
-    The action is one number in [-1, 1]; what it means is `action.mode`.
+    The action is one number in [-1, 1], or three in mode "impedance"; what they mean is `action.mode`.
     """
     frames = config["observation"]["frames"]
     channels = _core.channels(config)
     low = np.tile(np.array([channel[1] for channel in channels], dtype=np.float32), frames)
     high = np.tile(np.array([channel[2] for channel in channels], dtype=np.float32), frames)
-    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (1,), dtype=np.float32)
+    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (_core.action_size(config),), dtype=np.float32)
 
 
 def environment_config(
@@ -58,6 +58,12 @@ def environment_config(
     if max_episode_steps is not None:
         config = _limited(config, max_episode_steps)
     return resolve(config)
+
+
+def env_steps_per_s(config: Mapping[str, Any]) -> int:
+    """Return the env steps in a second of simulated time, rounded."""
+    hold: int = config["action"]["hold"]
+    return round(1.0 / (CONTROL_PERIOD_S * hold))
 
 
 def _limited(config: Config, max_episode_steps: int) -> Config:
@@ -103,12 +109,18 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
         threads: worker threads; None takes all cores. Results do not depend on it.
         max_episode_steps: replaces `scenario.duration_s`, in env steps.
-        render_mode: must be None; there is no renderer yet.
+        render_mode: None; "rgb_array", pictures when `render` is called; or "human", a window that follows every
+            reset and step. Needs the extra `render`; trajectories do not depend on it. Only the first 16 walkers are
+            ever drawn.
+        render_size: width and height in pixels of each walker's picture, by default 640x360, or of the window.
 
     Raises:
         ValueError: impossible configuration or arguments; names key, value and range.
+        ModuleNotFoundError: rendering without the extra `render`.
 
     """
+
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 - as Gymnasium declares it
 
     def __init__(
         self,
@@ -120,20 +132,22 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         threads: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r} must be None")
+        mode = check_render_mode(render_mode)
         self.config = environment_config(config, device, max_episode_steps)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.batch = _core.Batch(num_envs, self.config, _AUTORESET[self.autoreset_mode], threads)
         self.num_envs = num_envs
-        self.render_mode = None
+        self.render_mode = mode
+        #: Draws the walkers, if there is a render mode.
+        self.rendering = None if mode is None else BatchRendering(self.batch, self.config, mode, render_size)
         self.single_observation_space, self.single_action_space = spaces(self.config)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {
-            "render_modes": [],
-            "render_fps": round(1.0 / (CONTROL_PERIOD_S * self.config["action"]["hold"])),
+            "render_modes": RENDER_MODES,
+            "render_fps": env_steps_per_s(self.config),
             "autoreset_mode": self.autoreset_mode,
         }
         self._seeded = False
@@ -161,7 +175,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         seeds = self._seeds(seed)
         if seeds is not None:
             self._seeded = True
-        return self.batch.reset(seeds, mask), {}
+        observations = self.batch.reset(seeds, mask)
+        if self.rendering is not None:
+            self.rendering.reset()
+        return observations, {}
 
     def _reset_mask(self, mask: object) -> NDArray[np.bool_]:
         if mask is None:
@@ -198,7 +215,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """Advance all environments by one action of `action.hold` control periods.
 
         Args:
-            actions: (N, 1) float32 or float64, limited to [-1, 1].
+            actions: (N, 1), or (N, 3) in mode "impedance", float32 or float64, limited to [-1, 1].
 
         Returns:
             Observations (N, frames * channels) float32, rewards (N,) float64, terminated and truncated (N,) bool,
@@ -208,14 +225,36 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             ValueError: wrong shape or dtype, NaN, or (autoreset disabled) an environment that has ended.
 
         """
-        flat = check_actions(actions, (self.num_envs, 1))
+        flat = check_actions(actions, self.action_space.shape or ())
         step = self.batch.step(flat)
+        if self.rendering is not None:
+            self.rendering.step()
         terms, reasons, finals, started = step.terms, step.reasons, step.final_observations, step.started
         if finals is not None and started.any():
             infos = _same_step_infos(terms, reasons, finals, started)
         else:
             infos = _infos(terms, reasons, ~started)
         return step.observations, step.rewards, step.terminated, step.truncated, infos
+
+    def render(self) -> tuple[Frame, ...] | None:
+        """Return a picture (height, width, 3) uint8 of each of the first 16 walkers, or draw them into the window.
+
+        Raises:
+            ValueError: before the first reset.
+
+        """
+        if self.rendering is None:
+            gymnasium.logger.warn("render() without a render_mode draws nothing; choose one when making the envs")
+            return None
+        if self.render_mode == "human":
+            self.rendering.show()
+            return None
+        return self.rendering.frames()
+
+    def close_extras(self, **_: object) -> None:
+        """Close the window, if there is one."""
+        if self.rendering is not None:
+            self.rendering.close()
 
 
 def _infos(terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]) -> dict[str, Any]:

@@ -36,6 +36,7 @@ class FullBrake:
 
 def assert_equal(one: Trial, two: Trial) -> None:
     assert one.outcome == two.outcome
+    assert one.seed == two.seed
     assert _core.resolve(one.config) == _core.resolve(two.config)
     for left, right in ((one.columns, two.columns), (one.events, two.events)):
         assert list(left) == list(right)
