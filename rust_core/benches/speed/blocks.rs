@@ -3,26 +3,32 @@
 use criterion::Criterion;
 use serde_json::{Value, json};
 
-use prosthesis_gym_core::compliant_ground::{self, ContactLanes, Ground, GroundParams};
+use prosthesis_gym_core::compliant_ground::{
+    ContactLanes, Ground, GroundLanes, GroundParams, contact, deformation_rate,
+};
 use prosthesis_gym_core::config::Config;
 use prosthesis_gym_core::human_controller::gait_fsm::Memory;
 use prosthesis_gym_core::human_controller::impedance::{ImpedanceTorqueLanes, impedance};
 use prosthesis_gym_core::human_controller::reference::{Filter, Reference, ReferenceLanes, rough_thigh};
 use prosthesis_gym_core::human_controller::slip_leg::{TrunkForceLanes, trunk_force};
 use prosthesis_gym_core::human_controller::variation::HumanVariation;
-use prosthesis_gym_core::human_controller::{Drive, Human, HumanParams, Individual, LegGeometry};
+use prosthesis_gym_core::human_controller::{
+    Drive, DriveLanes, Human, HumanLanes, HumanParams, Individual, LegGeometry,
+};
 use prosthesis_gym_core::hybrid_dynamics::body::{Body, BodyLanes, BodyParams};
 use prosthesis_gym_core::hybrid_dynamics::walker::{
     self, AccelerationLanes, JointTorque, Kinematics, KinematicsLanes, Loads, Motion, MotionLanes, PointForce,
     PointForceLanes, PointLanes, PrescribedLanes,
 };
-use prosthesis_gym_core::prosthesis_device::end_stop::{EndStop, EndStopParams, extension_stop, flexion_stop};
+use prosthesis_gym_core::prosthesis_device::end_stop::{
+    EndStop, EndStopLanes, EndStopParams, extension_stop, flexion_stop,
+};
 use prosthesis_gym_core::prosthesis_device::geared_motor::{MotorSignalsLanes, RotorLanes};
 use prosthesis_gym_core::prosthesis_device::{DeviceKind, JointMotionLanes, KneeUnit, UnitInputs, UnitTorqueLanes};
 use prosthesis_gym_core::sensors::{self, SensorParams, Sensors};
 use prosthesis_gym_core::signals::{MeasurandLanes, ReadingsLanes};
 
-use crate::walk::{Kernel, LANES, Moment, blocks, compare, config, stride};
+use crate::walk::{Block, LANES, Moment, blocks, compare, config, stride};
 
 /// Length of an implicit stage, s.
 const STEP_S: f64 = 1e-3;
@@ -58,11 +64,6 @@ macro_rules! columns {
 
 /// Kinematics and one linearly implicit solution of the equations of motion.
 struct Dynamics<const L: usize> {
-    body: BodyLanes<L>,
-    blocks: Vec<DynamicsBlock<L>>,
-}
-
-struct DynamicsBlock<const L: usize> {
     motion: MotionLanes<L>,
     trunk: PrescribedLanes<L>,
     heel: PointForceLanes<L>,
@@ -72,7 +73,7 @@ struct DynamicsBlock<const L: usize> {
 }
 
 impl<const L: usize> Dynamics<L> {
-    fn new(walk: &[Moment]) -> Self {
+    fn new(walk: &[Moment]) -> (BodyLanes<L>, Vec<Self>) {
         let force = |moment: &Moment, point: usize| {
             let contact = moment.contacts[point];
             PointForce {
@@ -86,7 +87,7 @@ impl<const L: usize> Dynamics<L> {
                 cos: 1.0,
             }
         };
-        let block = |moments: [&Moment; L]| DynamicsBlock {
+        let block = |moments: [&Moment; L]| Self {
             motion: columns!(MotionLanes, moments, |moment| moment.motion),
             trunk: columns!(PrescribedLanes, moments, |moment| moment.trunk),
             heel: columns!(PointForceLanes, moments, |moment| force(moment, 0)),
@@ -94,7 +95,7 @@ impl<const L: usize> Dynamics<L> {
             kinematics: KinematicsLanes::default(),
             acceleration: AccelerationLanes::default(),
         };
-        Self { body: BodyLanes::splat(Body::from(&BodyParams::default())), blocks: blocks(walk, block) }
+        (BodyLanes::splat(Body::from(&BodyParams::default())), blocks(walk, block))
     }
 
     /// Loads of usual size beside those of the ground.
@@ -115,72 +116,68 @@ impl<const L: usize> Dynamics<L> {
     }
 }
 
-impl<const L: usize> Kernel for Dynamics<L> {
+impl<const L: usize> Block for Dynamics<L> {
+    type Constants = BodyLanes<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
-        for block in &mut self.blocks {
-            for lane in 0..L {
-                let kinematics: Kinematics =
-                    walker::kinematics(&self.body.get(lane), &block.motion.get(lane), block.trunk.angle[lane]);
-                block.kinematics.set(lane, kinematics);
-            }
-            for lane in 0..L {
-                let acceleration = walker::acceleration::<true>(
-                    &self.body.get(lane),
-                    &block.kinematics.get(lane),
-                    &block.motion.get(lane),
-                    &block.trunk.get(lane),
-                    &Self::loads(block.heel.get(lane), block.ball.get(lane)),
-                    STEP_S,
-                );
-                block.acceleration.set(lane, acceleration);
-            }
+    fn run(&mut self, body: &BodyLanes<L>) {
+        for lane in 0..L {
+            let kinematics: Kinematics =
+                walker::kinematics(&body.get(lane), &self.motion.get(lane), self.trunk.angle[lane]);
+            self.kinematics.set(lane, kinematics);
+        }
+        for lane in 0..L {
+            let acceleration = walker::acceleration::<true>(
+                &body.get(lane),
+                &self.kinematics.get(lane),
+                &self.motion.get(lane),
+                &self.trunk.get(lane),
+                &Self::loads(self.heel.get(lane), self.ball.get(lane)),
+                STEP_S,
+            );
+            self.acceleration.set(lane, acceleration);
         }
     }
 }
 
 /// Heel and ball on the ground, and the rate of its deformation.
 struct Contacts<const L: usize> {
-    ground: Ground,
     /// Heel, then ball.
-    blocks: [Vec<ContactBlock<L>>; 2],
-}
-
-struct ContactBlock<const L: usize> {
-    point: PointLanes<L>,
-    deformation: [f64; L],
-    contact: ContactLanes<L>,
-    deformation_rate: [f64; L],
+    points: [PointLanes<L>; 2],
+    deformations: [[f64; L]; 2],
+    contacts: [ContactLanes<L>; 2],
+    deformation_rates: [[f64; L]; 2],
 }
 
 impl<const L: usize> Contacts<L> {
-    fn new(walk: &[Moment]) -> Self {
-        let points = |index: usize| {
-            blocks(walk, |moments: [&Moment; L]| ContactBlock {
-                point: columns!(PointLanes, moments, |moment| moment.points[index]),
-                deformation: moments.map(|moment| moment.deformations[index]),
-                contact: ContactLanes::default(),
-                deformation_rate: [0.0; L],
-            })
+    fn new(walk: &[Moment]) -> (GroundLanes<L>, Vec<Self>) {
+        let point = |moments: [&Moment; L], index: usize| columns!(PointLanes, moments, |moment| moment.points[index]);
+        let block = |moments: [&Moment; L]| Self {
+            points: [point(moments, 0), point(moments, 1)],
+            deformations: [0, 1].map(|index| moments.map(|moment| moment.deformations[index])),
+            contacts: [ContactLanes::default(), ContactLanes::default()],
+            deformation_rates: [[0.0; L]; 2],
         };
-        Self { ground: Ground::from(&GroundParams::default()), blocks: [points(0), points(1)] }
+        (GroundLanes::splat(Ground::from(&GroundParams::default())), blocks(walk, block))
     }
 }
 
-impl<const L: usize> Kernel for Contacts<L> {
+impl<const L: usize> Block for Contacts<L> {
+    type Constants = GroundLanes<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
-        for block in self.blocks.iter_mut().flatten() {
+    fn run(&mut self, ground: &GroundLanes<L>) {
+        for index in 0..2 {
             for lane in 0..L {
-                let point = block.point.get(lane);
-                let contact =
-                    compliant_ground::contact(&self.ground, point.y, point.vx, point.vy, block.deformation[lane]);
-                block.contact.set(lane, contact);
+                let (point, deformation) = (self.points[index].get(lane), self.deformations[index][lane]);
+                let contact = contact(&ground.get(lane), point.y, point.vx, point.vy, deformation);
+                self.contacts[index].set(lane, contact);
             }
             for lane in 0..L {
-                let (contact, vx) = (block.contact.get(lane), block.point.vx[lane]);
-                block.deformation_rate[lane] =
-                    compliant_ground::deformation_rate(&self.ground, &contact, block.deformation[lane], vx, STEP_S);
+                let (contact, vx) = (self.contacts[index].get(lane), self.points[index].vx[lane]);
+                let deformation = self.deformations[index][lane];
+                self.deformation_rates[index][lane] =
+                    deformation_rate(&ground.get(lane), &contact, deformation, vx, STEP_S);
             }
         }
     }
@@ -188,48 +185,38 @@ impl<const L: usize> Kernel for Contacts<L> {
 
 /// Both end stops of the knee.
 struct EndStops<const L: usize> {
-    stop: EndStop,
-    blocks: Vec<EndStopBlock<L>>,
-}
-
-struct EndStopBlock<const L: usize> {
     knee: JointMotionLanes<L>,
     torque: UnitTorqueLanes<L>,
 }
 
 impl<const L: usize> EndStops<L> {
-    fn new(walk: &[Moment]) -> Self {
-        let block = |moments: [&Moment; L]| EndStopBlock {
+    fn new(walk: &[Moment]) -> (EndStopLanes<L>, Vec<Self>) {
+        let block = |moments: [&Moment; L]| Self {
             knee: columns!(JointMotionLanes, moments, |moment| moment.knee),
             torque: UnitTorqueLanes::default(),
         };
-        Self { stop: EndStop::from(&EndStopParams::default()), blocks: blocks(walk, block) }
+        (EndStopLanes::splat(EndStop::from(&EndStopParams::default())), blocks(walk, block))
     }
 }
 
-impl<const L: usize> Kernel for EndStops<L> {
+impl<const L: usize> Block for EndStops<L> {
+    type Constants = EndStopLanes<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
-        for block in &mut self.blocks {
-            for lane in 0..L {
-                let knee = block.knee.get(lane);
-                let extension = extension_stop(&self.stop, knee.flexion, knee.flexion_rate);
-                let flexion = flexion_stop(&self.stop, knee.flexion, knee.flexion_rate);
-                block.torque.torque[lane] = flexion.torque - extension.torque;
-                block.torque.damping[lane] = extension.damping + flexion.damping;
-                block.torque.stiffness[lane] = extension.stiffness + flexion.stiffness;
-            }
+    fn run(&mut self, stop: &EndStopLanes<L>) {
+        for lane in 0..L {
+            let (stop, knee) = (stop.get(lane), self.knee.get(lane));
+            let extension = extension_stop(&stop, knee.flexion, knee.flexion_rate);
+            let flexion = flexion_stop(&stop, knee.flexion, knee.flexion_rate);
+            self.torque.torque[lane] = flexion.torque - extension.torque;
+            self.torque.damping[lane] = extension.damping + flexion.damping;
+            self.torque.stiffness[lane] = extension.stiffness + flexion.stiffness;
         }
     }
 }
 
 /// A knee unit: its signals, guards, torques and rates.
 struct Units<const L: usize> {
-    unit: KneeUnit<L>,
-    blocks: Vec<UnitBlock<L>>,
-}
-
-struct UnitBlock<const L: usize> {
     knee: JointMotionLanes<L>,
     rotor: RotorLanes<L>,
     direction: [f64; L],
@@ -241,8 +228,8 @@ struct UnitBlock<const L: usize> {
 }
 
 impl<const L: usize> Units<L> {
-    fn new(kind: DeviceKind, walk: &[Moment]) -> Self {
-        let block = |moments: [&Moment; L]| UnitBlock {
+    fn new(kind: DeviceKind, walk: &[Moment]) -> (KneeUnit<L>, Vec<Self>) {
+        let block = |moments: [&Moment; L]| Self {
             knee: columns!(JointMotionLanes, moments, |moment| moment.knee),
             rotor: columns!(RotorLanes, moments, |moment| moment.rotor),
             direction: moments.map(|moment| moment.rotor.rate.signum()),
@@ -252,27 +239,27 @@ impl<const L: usize> Units<L> {
             rates: RotorLanes::default(),
             fired: [false; L],
         };
-        Self { unit: KneeUnit::new(&config(kind)), blocks: blocks(walk, block) }
+        (KneeUnit::new(&config(kind)), blocks(walk, block))
     }
 }
 
-impl<const L: usize> Kernel for Units<L> {
+impl<const L: usize> Block for Units<L> {
+    type Constants = KneeUnit<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
+    fn run(&mut self, unit: &KneeUnit<L>) {
         const FLEXION_ACCELERATION_RAD_S2: f64 = 10.0;
-        for block in &mut self.blocks {
-            self.unit.sense(&block.knee, &block.rotor, &block.command, &mut block.signals);
-            let at = UnitInputs {
-                joint: &block.knee,
-                rotor: &block.rotor,
-                direction: &block.direction,
-                motor: &block.signals,
-                command: &block.command,
-            };
-            self.unit.torques(&at, &[STEP_S; L], &mut block.torques);
-            self.unit.rates(&at, &[FLEXION_ACCELERATION_RAD_S2; L], &[STEP_S; L], &mut block.rates);
-            block.fired = self.unit.fired(&at);
-        }
+        unit.sense(&self.knee, &self.rotor, &self.command, &mut self.signals);
+        let at = UnitInputs {
+            joint: &self.knee,
+            rotor: &self.rotor,
+            direction: &self.direction,
+            motor: &self.signals,
+            command: &self.command,
+        };
+        unit.torques(&at, &[STEP_S; L], &mut self.torques);
+        unit.rates(&at, &[FLEXION_ACCELERATION_RAD_S2; L], &[STEP_S; L], &mut self.rates);
+        self.fired = unit.fired(&at);
     }
 }
 
@@ -287,11 +274,6 @@ fn human() -> (Human, Drive) {
 
 /// Templates of thigh and trunk, their filters, and the hip's impedance about what comes out.
 struct References<const L: usize> {
-    drive: Drive,
-    blocks: Vec<ReferenceBlock<L>>,
-}
-
-struct ReferenceBlock<const L: usize> {
     time: [f64; L],
     hip: [f64; L],
     hip_rate: [f64; L],
@@ -301,8 +283,8 @@ struct ReferenceBlock<const L: usize> {
 }
 
 impl<const L: usize> References<L> {
-    fn new(walk: &[Moment]) -> Self {
-        let block = |moments: [&Moment; L]| ReferenceBlock {
+    fn new(walk: &[Moment]) -> (DriveLanes<L>, Vec<Self>) {
+        let block = |moments: [&Moment; L]| Self {
             time: moments.map(|moment| moment.time_s - walk[0].time_s),
             hip: moments.map(|moment| moment.hip[0]),
             hip_rate: moments.map(|moment| moment.hip[1]),
@@ -315,54 +297,47 @@ impl<const L: usize> References<L> {
             rates: ReferenceLanes::default(),
             torque: ImpedanceTorqueLanes::default(),
         };
-        Self { drive: human().1, blocks: blocks(walk, block) }
+        (DriveLanes::splat(human().1), blocks(walk, block))
     }
 }
 
-impl<const L: usize> Kernel for References<L> {
+impl<const L: usize> Block for References<L> {
+    type Constants = DriveLanes<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
-        let drive = &self.drive;
-        for block in &mut self.blocks {
-            for lane in 0..L {
-                let smooth = block.smooth.get(lane);
-                let thigh = rough_thigh(drive, block.time[lane]);
-                let filter = Filter::new(drive, STEP_S);
-                let trunk_rate = filter.acceleration(drive.trunk, smooth.trunk, smooth.trunk_rate);
-                let hip_rate = filter.acceleration(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
-                let rates = Reference {
-                    trunk: smooth.trunk_rate + STEP_S * trunk_rate,
-                    trunk_rate,
-                    hip: smooth.hip_rate + STEP_S * hip_rate,
-                    hip_rate,
-                };
-                block.rates.set(lane, rates);
-                let (error, error_rate) = (smooth.hip - block.hip[lane], smooth.hip_rate - block.hip_rate[lane]);
-                let torque = impedance(drive.hip_stiffness, drive.hip_damping, drive.hip_limit, error, error_rate);
-                block.torque.set(lane, torque);
-            }
+    fn run(&mut self, drive: &DriveLanes<L>) {
+        for lane in 0..L {
+            let (drive, smooth) = (drive.get(lane), self.smooth.get(lane));
+            let thigh = rough_thigh(&drive, self.time[lane]);
+            let filter = Filter::new(&drive, STEP_S);
+            let trunk_rate = filter.acceleration(drive.trunk, smooth.trunk, smooth.trunk_rate);
+            let hip_rate = filter.acceleration(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
+            let rates = Reference {
+                trunk: smooth.trunk_rate + STEP_S * trunk_rate,
+                trunk_rate,
+                hip: smooth.hip_rate + STEP_S * hip_rate,
+                hip_rate,
+            };
+            self.rates.set(lane, rates);
+            let (error, error_rate) = (smooth.hip - self.hip[lane], smooth.hip_rate - self.hip_rate[lane]);
+            let torque = impedance(drive.hip_stiffness, drive.hip_damping, drive.hip_limit, error, error_rate);
+            self.torque.set(lane, torque);
         }
     }
 }
 
 /// Pendulum, thrust and lift of the intact leg.
 struct IntactLegs<const L: usize> {
-    human: Human,
-    drive: Drive,
-    blocks: Vec<IntactLegBlock<L>>,
-}
-
-struct IntactLegBlock<const L: usize> {
     time: [f64; L],
     motion: MotionLanes<L>,
     force: TrunkForceLanes<L>,
 }
 
 impl<const L: usize> IntactLegs<L> {
-    fn new(walk: &[Moment]) -> Self {
+    fn new(walk: &[Moment]) -> ((HumanLanes<L>, DriveLanes<L>), Vec<Self>) {
         let (human, drive) = human();
         let start_x = walk[0].motion.hip_x;
-        let block = |moments: [&Moment; L]| IntactLegBlock {
+        let block = |moments: [&Moment; L]| Self {
             time: moments.map(|moment| moment.time_s - walk[0].time_s),
             motion: columns!(MotionLanes, moments, |moment| Motion {
                 hip_x: moment.motion.hip_x - start_x,
@@ -370,52 +345,54 @@ impl<const L: usize> IntactLegs<L> {
             }),
             force: TrunkForceLanes::default(),
         };
-        Self { human, drive, blocks: blocks(walk, block) }
+        ((HumanLanes::splat(human), DriveLanes::splat(drive)), blocks(walk, block))
     }
 }
 
-impl<const L: usize> Kernel for IntactLegs<L> {
+impl<const L: usize> Block for IntactLegs<L> {
+    type Constants = (HumanLanes<L>, DriveLanes<L>);
+
     #[inline(always)]
-    fn run(&mut self) {
-        for block in &mut self.blocks {
-            for lane in 0..L {
-                let Motion { hip_x, hip_y, hip_vx, hip_vy, .. } = block.motion.get(lane);
-                let force = trunk_force(&self.human, &self.drive, hip_x, hip_y, hip_vx, hip_vy, block.time[lane]);
-                block.force.set(lane, force);
-            }
+    fn run(&mut self, (human, drive): &(HumanLanes<L>, DriveLanes<L>)) {
+        for lane in 0..L {
+            let Motion { hip_x, hip_y, hip_vx, hip_vy, .. } = self.motion.get(lane);
+            let force = trunk_force(&human.get(lane), &drive.get(lane), hip_x, hip_y, hip_vx, hip_vy, self.time[lane]);
+            self.force.set(lane, force);
         }
     }
 }
 
-/// Samples of all sensors.
+/// A sample of all sensors.
 struct Sampling<const L: usize> {
-    model: sensors::Model<L>,
     sensors: Sensors<L>,
-    truths: Vec<MeasurandLanes<L>>,
+    truth: MeasurandLanes<L>,
     readings: ReadingsLanes<L>,
 }
 
 impl<const L: usize> Sampling<L> {
-    fn new(params: &SensorParams, walk: &[Moment]) -> Self {
-        let truths = blocks(walk, |moments: [&Moment; L]| columns!(MeasurandLanes, moments, |moment| moment.truth));
-        let mut sampling = Self {
-            model: sensors::Model::new(params),
-            sensors: Sensors::default(),
-            readings: ReadingsLanes::default(),
-            truths,
+    fn new(params: &SensorParams, walk: &[Moment]) -> (sensors::Model<L>, Vec<Self>) {
+        let model = sensors::Model::new(params);
+        let block = |moments: [&Moment; L]| {
+            let mut sampling = Self {
+                sensors: Sensors::default(),
+                truth: columns!(MeasurandLanes, moments, |moment| moment.truth),
+                readings: ReadingsLanes::default(),
+            };
+            sampling.sensors.seed = std::array::from_fn(|lane| lane as u64);
+            sampling.sensors.start(&model, &[true; L], &sampling.truth, &mut sampling.readings);
+            sampling
         };
-        sampling.sensors.seed = std::array::from_fn(|lane| lane as u64);
-        sampling.sensors.start(&sampling.model, &[true; L], &sampling.truths[0], &mut sampling.readings);
-        sampling
+        let blocks = blocks(walk, block);
+        (model, blocks)
     }
 }
 
-impl<const L: usize> Kernel for Sampling<L> {
+impl<const L: usize> Block for Sampling<L> {
+    type Constants = sensors::Model<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
-        for truth in &self.truths {
-            self.sensors.sample(&self.model, truth, &mut self.readings);
-        }
+    fn run(&mut self, model: &sensors::Model<L>) {
+        self.sensors.sample(model, &self.truth, &mut self.readings);
     }
 }
 

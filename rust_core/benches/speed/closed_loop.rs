@@ -1,6 +1,7 @@
 //! Steps of the integrator and control periods of the closed loop, state machines in command.
 
 use std::hint::black_box;
+use std::slice::from_mut;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 
@@ -11,7 +12,10 @@ use prosthesis_gym_core::prosthesis_device::DeviceKind;
 use prosthesis_gym_core::signals::CONTROL_PERIOD_S;
 use prosthesis_gym_core::simulation::{Model, Scratch, Simulation};
 
-use crate::walk::{Kernel, LANES, config, run_wide, steady};
+use crate::walk::{Block, LANES, config, run_narrow, run_wide, steady};
+
+/// Runs blocks; compiled for their width.
+type Run<B> = fn(&<B as Block>::Constants, &mut [B]);
 
 /// Integrator and closed loop.
 pub fn all(criterion: &mut Criterion) {
@@ -20,25 +24,24 @@ pub fn all(criterion: &mut Criterion) {
     for (name, solver) in [("rk4", SolverParams::REFERENCE), ("linearly_implicit_euler", euler), ("two_stage_w", fast)]
     {
         let name = format!("integrator steps/{name}");
-        steps(criterion, &name, &ClosedLoop::<1>::new(DeviceKind::Damper), solver, Kernel::run);
-        steps(criterion, &name, &ClosedLoop::<LANES>::new(DeviceKind::Damper), solver, run_wide);
+        steps::<1>(criterion, &name, solver, run_narrow);
+        steps::<LANES>(criterion, &name, solver, run_wide);
     }
     for kind in [DeviceKind::Damper, DeviceKind::Motor, DeviceKind::Friction] {
         let name = format!("control period/{kind:?}").to_lowercase();
-        period(criterion, &name, ClosedLoop::<1>::new(kind), Kernel::run);
-        period(criterion, &name, ClosedLoop::<LANES>::new(kind), run_wide);
+        period::<1>(criterion, &name, kind, run_narrow);
+        period::<LANES>(criterion, &name, kind, run_wide);
     }
 }
 
 /// Walkers in stride under their state machines, each at its own speed; once more is one control period.
 struct ClosedLoop<const L: usize> {
-    model: Model<L>,
     simulation: Simulation<L>,
     scratch: Scratch<L>,
 }
 
 impl<const L: usize> ClosedLoop<L> {
-    fn new(kind: DeviceKind) -> Self {
+    fn new(kind: DeviceKind) -> (Model<L>, Self) {
         const SETTLING_PERIODS: usize = 500;
         let model = Model::new(&config(kind));
         let (mut simulation, mut scratch) = (Simulation::new(&model), Scratch::new(&model));
@@ -46,37 +49,36 @@ impl<const L: usize> ClosedLoop<L> {
             simulation.start(&model, lane, steady(1.1 + 0.02 * lane as f64), &mut scratch);
         }
         simulation.observe_started(&model, &[true; L], &mut scratch);
-        let mut walkers = Self { model, simulation, scratch };
+        let mut walkers = Self { simulation, scratch };
         for _ in 0..SETTLING_PERIODS {
-            walkers.run();
+            run_narrow(&model, from_mut(&mut walkers));
         }
-        walkers
+        (model, walkers)
     }
 }
 
-impl<const L: usize> Kernel for ClosedLoop<L> {
+impl<const L: usize> Block for ClosedLoop<L> {
+    type Constants = Model<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
+    fn run(&mut self, model: &Model<L>) {
         let commands = self.simulation.state_machine_command;
-        self.simulation.advance(&self.model, &commands, &mut self.scratch);
+        self.simulation.advance(model, &commands, &mut self.scratch);
     }
 }
 
-fn period<const L: usize>(
-    criterion: &mut Criterion,
-    name: &str,
-    mut walkers: ClosedLoop<L>,
-    run: fn(&mut ClosedLoop<L>),
-) {
+fn period<const L: usize>(criterion: &mut Criterion, name: &str, kind: DeviceKind, run: Run<ClosedLoop<L>>) {
+    let (model, mut walkers) = ClosedLoop::new(kind);
     let mut group = criterion.benchmark_group(name);
     group.throughput(Throughput::Elements(L as u64));
-    group.bench_function(BenchmarkId::from_parameter(L), |bencher| bencher.iter(|| run(black_box(&mut walkers))));
+    group.bench_function(BenchmarkId::from_parameter(L), |bencher| {
+        bencher.iter(|| run(&model, from_mut(black_box(&mut walkers))));
+    });
 }
 
 /// The integrator's steps of one control period, from one moment of a walk.
 #[derive(Clone)]
-struct Steps<'a, const L: usize> {
-    model: &'a PlantModel<L>,
+struct Steps<const L: usize> {
     state: State<L>,
     walkers: Walkers<L>,
     signals: Signals<L>,
@@ -84,44 +86,34 @@ struct Steps<'a, const L: usize> {
     solver: SolverParams,
 }
 
-impl<'a, const L: usize> Steps<'a, L> {
-    fn new(from: &'a ClosedLoop<L>, solver: SolverParams) -> Self {
-        let Simulation { state, walkers, .. } = &from.simulation;
-        let model = &from.model.plant;
-        let mut period = Self {
-            model,
-            state: state.clone(),
-            walkers: walkers.clone(),
-            signals: Signals::new(model),
-            work: Workspace::new(state),
-            solver,
-        };
-        HumanProsthesis { model, walkers: &mut period.walkers, signals: &mut period.signals }.sense(&period.state);
-        period
+impl<const L: usize> Steps<L> {
+    fn new(model: &PlantModel<L>, simulation: &Simulation<L>, solver: SolverParams) -> Self {
+        let Simulation { state, walkers, .. } = simulation;
+        let (mut walkers, mut signals) = (walkers.clone(), Signals::new(model));
+        HumanProsthesis { model, walkers: &mut walkers, signals: &mut signals }.sense(state);
+        Self { state: state.clone(), walkers, signals, work: Workspace::new(state), solver }
     }
 }
 
-impl<const L: usize> Kernel for Steps<'_, L> {
+impl<const L: usize> Block for Steps<L> {
+    type Constants = PlantModel<L>;
+
     #[inline(always)]
-    fn run(&mut self) {
-        let mut plant = HumanProsthesis { model: self.model, walkers: &mut self.walkers, signals: &mut self.signals };
+    fn run(&mut self, model: &PlantModel<L>) {
         let SolverParams { stepper, steps } = self.solver;
+        let mut plant = HumanProsthesis { model, walkers: &mut self.walkers, signals: &mut self.signals };
         integrator::advance(&mut plant, &mut self.state, &mut self.work, stepper, CONTROL_PERIOD_S, steps);
     }
 }
 
-fn steps<'a, const L: usize>(
-    criterion: &mut Criterion,
-    name: &str,
-    from: &'a ClosedLoop<L>,
-    solver: SolverParams,
-    run: fn(&mut Steps<'a, L>),
-) {
-    let period = Steps::new(from, solver);
+fn steps<const L: usize>(criterion: &mut Criterion, name: &str, solver: SolverParams, run: Run<Steps<L>>) {
+    let (model, walkers) = ClosedLoop::<L>::new(DeviceKind::Damper);
+    let period = Steps::new(&model.plant, &walkers.simulation, solver);
     let mut group = criterion.benchmark_group(name);
     group.throughput(Throughput::Elements((L * solver.steps) as u64));
     group.bench_function(BenchmarkId::from_parameter(L), |bencher| {
         // A batch of periods would leave the caches, which the threads of a batch do not.
-        bencher.iter_batched_ref(|| period.clone(), run, BatchSize::PerIteration);
+        let routine = |period: &mut Steps<L>| run(&model.plant, from_mut(period));
+        bencher.iter_batched_ref(|| period.clone(), routine, BatchSize::PerIteration);
     });
 }

@@ -1,4 +1,4 @@
-//! What the benchmarks share: moments of a steady walk as inputs, and kernels that run on blocks of any width.
+//! What the benchmarks share: moments of a steady walk as inputs, and work on blocks of any width.
 
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::hint::black_box;
@@ -17,31 +17,56 @@ use prosthesis_gym_core::simulation::Trial;
 /// Lanes of a wide block.
 pub const LANES: usize = prosthesis_gym_core::batch::LANES;
 
-/// Blocks that a kernel of a single block's equations runs over, so that neither dispatch nor timer counts.
+/// Blocks that single equations run over, so that neither dispatch nor timer counts.
 pub const BLOCKS: usize = 16;
 
-/// Work on some walkers, the same lines at any width.
-pub trait Kernel {
+/// Work on a block of walkers, the same lines at any width.
+pub trait Block {
+    /// What the work leaves as it is.
+    type Constants;
+
     /// Does the work once.
-    fn run(&mut self);
+    fn run(&mut self, constants: &Self::Constants);
 }
 
-/// A wide kernel, compiled for the same vector units as the steps of a batch.
+/// Runs blocks of one walker.
+#[inline(never)]
+pub fn run_narrow<B: Block>(constants: &B::Constants, blocks: &mut [B]) {
+    for block in blocks {
+        block.run(constants);
+    }
+}
+
+/// Runs wide blocks, compiled for the same vector units as the steps of a batch.
+///
+/// Constants and blocks are arguments of their own because only then does the compiler know them apart: else no lane loop that
+/// reads the ones and writes the others becomes vector code.
 #[multiversion::multiversion(targets(
     "x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx512cd+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-pub fn run_wide<K: Kernel>(kernel: &mut K) {
-    kernel.run();
+pub fn run_wide<B: Block>(constants: &B::Constants, blocks: &mut [B]) {
+    for block in blocks {
+        block.run(constants);
+    }
 }
 
-/// Measures a kernel over [`BLOCKS`] blocks of one walker and of [`LANES`] walkers, in walkers per second.
-pub fn compare(criterion: &mut Criterion, name: &str, mut narrow: impl Kernel, mut wide: impl Kernel) {
+/// Measures blocks of one walker and of [`LANES`] walkers, in walkers per second.
+pub fn compare<N: Block, W: Block>(
+    criterion: &mut Criterion,
+    name: &str,
+    (narrow_constants, mut narrow): (N::Constants, Vec<N>),
+    (wide_constants, mut wide): (W::Constants, Vec<W>),
+) {
     let mut group = criterion.benchmark_group(name);
-    group.throughput(Throughput::Elements(BLOCKS as u64));
-    group.bench_function(BenchmarkId::from_parameter(1), |bencher| bencher.iter(|| black_box(&mut narrow).run()));
-    group.throughput(Throughput::Elements((BLOCKS * LANES) as u64));
-    group.bench_function(BenchmarkId::from_parameter(LANES), |bencher| bencher.iter(|| run_wide(black_box(&mut wide))));
+    group.throughput(Throughput::Elements(narrow.len() as u64));
+    group.bench_function(BenchmarkId::from_parameter(1), |bencher| {
+        bencher.iter(|| run_narrow(black_box(&narrow_constants), black_box(&mut narrow)));
+    });
+    group.throughput(Throughput::Elements((wide.len() * LANES) as u64));
+    group.bench_function(BenchmarkId::from_parameter(LANES), |bencher| {
+        bencher.iter(|| run_wide(black_box(&wide_constants), black_box(&mut wide)));
+    });
 }
 
 /// The defaults with one of the knee units.
