@@ -21,7 +21,8 @@ pub trait HybridFlow<const L: usize> {
     /// In which lanes the guard of an event holds at the sensed state.
     fn fired(&self, state: &Self::State) -> [bool; L];
 
-    /// In which lanes of `fired` the event is to be located by a stepper other than the reference, which locates all.
+    /// In which lanes something has happened that a stepper other than the reference has to split its step at; the reference does
+    /// so at every event of `fired`.
     fn urgent(&self, _state: &Self::State, fired: &[bool; L]) -> [bool; L] {
         *fired
     }
@@ -132,9 +133,9 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         step(flow, state, work, stepper, &remaining);
         flow.sense(state);
         let fired = flow.fired(state);
-        // Those that the reference locates and others may do without happen at the step's end.
-        let located = if stepper == Stepper::Rk4 { fired } else { flow.urgent(state, &fired) };
+        let located = to_locate(flow, state, stepper, &fired);
         if !located.contains(&true) {
+            // Events that the stepper need not locate happen at the step's end.
             if fired.contains(&true) {
                 flow.transition(state, &fired);
             }
@@ -152,9 +153,9 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
             flow.sense(state);
             step(flow, state, work, stepper, &middle);
             flow.sense(state);
-            let fired_by_then = flow.fired(state);
+            let happened = to_locate(flow, state, stepper, &flow.fired(state));
             for lane in (0..L).filter(|&lane| located[lane]) {
-                let bound = if fired_by_then[lane] { &mut after } else { &mut before };
+                let bound = if happened[lane] { &mut after } else { &mut before };
                 bound[lane] = middle[lane];
             }
         }
@@ -163,8 +164,10 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
         step(flow, state, work, stepper, &after);
         flow.sense(state);
         let fired = flow.fired(state);
-        flow.transition(state, &fired);
-        flow.sense(state);
+        if fired.contains(&true) {
+            flow.transition(state, &fired);
+            flow.sense(state);
+        }
         flow.accept(state);
         for lane in 0..L {
             remaining[lane] -= after[lane];
@@ -173,6 +176,17 @@ fn advance_locating<const L: usize, F: HybridFlow<L>>(
     step(flow, state, work, stepper, &remaining);
     flow.sense(state);
     flow.accept(state);
+}
+
+/// In which lanes the stepper has to split its step.
+#[inline(always)]
+fn to_locate<const L: usize, F: HybridFlow<L>>(
+    flow: &F,
+    state: &F::State,
+    stepper: Stepper,
+    fired: &[bool; L],
+) -> [bool; L] {
+    if stepper == Stepper::Rk4 { *fired } else { flow.urgent(state, fired) }
 }
 
 /// One step of size `step` per lane from the sensed `state`.

@@ -159,7 +159,6 @@ impl<const L: usize> HumanProsthesis<'_, L> {
             if self.steps(state, lane) {
                 self.step_transition(state, lane);
             }
-            self.walkers.at_stop[lane] = self.reaches_stop(lane);
             if unit[lane] {
                 let (rotor, direction, signals) = self.model.unit.transition(lane, &self.unit_inputs(state));
                 state.rotor.set(lane, rotor);
@@ -292,20 +291,19 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
     fn fired(&self, state: &State<L>) -> [bool; L] {
         let mut fired = self.model.unit.fired(&self.unit_inputs(state));
         for lane in 0..L {
-            let moves = self.reaches_stop(lane) != self.walkers.at_stop[lane];
-            fired[lane] |= self.steps(state, lane) | moves;
+            fired[lane] |= self.steps(state, lane);
         }
         fired
     }
 
-    /// The human's, and the impact on the extension stop, which is a jump of its torque; a knee that leaves the stop and a rotor
-    /// that stops or breaks away may do so at the end of a step of a millisecond.
+    /// The human's, and impacts on the extension stop: its damper makes the torque jump, which steps of a millisecond feel and
+    /// those of the reference do not. A rotor may stop or break away at a step's end.
     #[inline(always)]
-    fn urgent(&self, state: &State<L>, fired: &[bool; L]) -> [bool; L] {
-        let mut urgent = *fired;
+    fn urgent(&self, state: &State<L>, _fired: &[bool; L]) -> [bool; L] {
+        let mut urgent = [false; L];
         for lane in 0..L {
             let impact = self.reaches_stop(lane) & !self.walkers.at_stop[lane];
-            urgent[lane] &= self.steps(state, lane) | impact;
+            urgent[lane] = self.steps(state, lane) | impact;
         }
         urgent
     }
@@ -320,6 +318,7 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
         for lane in 0..L {
             let joint = self.signals.joint.get(lane);
             let stop = extension_stop(&self.model.end_stop.get(lane), joint.flexion, joint.flexion_rate);
+            self.walkers.at_stop[lane] = self.reaches_stop(lane);
             self.walkers.extension_stop_peak[lane] = max(stop.torque, self.walkers.extension_stop_peak[lane]);
         }
     }

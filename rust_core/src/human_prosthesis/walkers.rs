@@ -22,7 +22,7 @@ pub struct Walkers<const L: usize> {
     // Discrete state.
     /// Direction of rotation of the knee unit's rotor (-1, 0, 1).
     pub(super) direction: [f64; L],
-    /// Whether the knee lies against its extension stop, whose damper acts at once.
+    /// Whether the knee lay against its extension stop at the end of the last step.
     pub(super) at_stop: [bool; L],
     pub(super) drive: DriveLanes<L>,
     pub(super) guard: GuardLanes<L>,
