@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import REFERENCE_SOLVER, Config, merge, resolve
+from prosthesis_gym.config import CONTROL_PERIOD_S, REFERENCE_SOLVER, Config, merge, resolve
 from prosthesis_gym.gait import Stride, mean_powers, stride_table
 from prosthesis_gym.trial import Trial, run_trial
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S
 
 #: The reference at twice its step: what it disagrees with itself about is chaos, not error.
 HALF_REFERENCE: Config = {"solver": {"stepper": "rk4", "steps": 25}}

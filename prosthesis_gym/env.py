@@ -1,6 +1,6 @@
 """Single environment: the vector environment's walker, one at a time."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,7 +10,16 @@ from gymnasium.spaces import Space
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S, Observations, check_actions, environment_config, spaces
+from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.vector_env import check_actions
+from prosthesis_gym.walkers import (
+    Observations,
+    Walkers,
+    environment_config,
+    observation_groups,
+    spaces,
+)
 
 
 class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
@@ -21,7 +30,10 @@ class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
     `termination_reason`.
 
     Args:
-        config: TOML file, nested mapping or None for the defaults.
+        config: TOML file, nested mapping or None; overrides scenario and reward.
+        scenario: what the walker meets: one of `prosthesis_gym.SCENARIOS`, or the path of a file.
+        reward: weights of the reward's terms: one of `prosthesis_gym.REWARDS`, or the path of a file.
+        reward_terms: terms of one's own beside the core's; their functions get arrays of one entry.
         device: knee unit (a key of `prosthesis_gym.devices.DEVICES`); None leaves it to the configuration.
         max_episode_steps: replaces `scenario.duration_s`, in env steps.
         render_mode: must be None; there is no renderer yet.
@@ -35,14 +47,18 @@ class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
         self,
         config: str | Path | Mapping[str, Any] | None = None,
         *,
+        scenario: str | Path | None = None,
+        reward: str | Path | None = None,
+        reward_terms: Sequence[RewardTerm] = (),
         device: str | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r} must be None")
-        self.config = environment_config(config, device, max_episode_steps)
-        self.batch = _core.Batch(1, self.config, "disabled", 1)
+        self.config = environment_config(config, device, max_episode_steps, scenario=scenario, reward=reward)
+        self.walkers = Walkers(1, self.config, reward_terms, "disabled", 1)
+        self.batch = self.walkers.batch
         observation_space, action_space = spaces(self.config)
         self.observation_space = cast("Space[Observations]", observation_space)
         self.action_space = cast("Space[NDArray[np.floating[Any]]]", action_space)
@@ -51,7 +67,40 @@ class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
             "render_modes": [],
             "render_fps": round(1.0 / (CONTROL_PERIOD_S * self.config["action"]["hold"])),
         }
+        self._action_shape = action_space.shape
         self._seeded = False
+
+    @property
+    def observation_groups(self) -> dict[str, NDArray[np.intp]]:
+        """Indices of each group of channels in an observation, over all frames."""
+        return observation_groups(self.config)
+
+    @property
+    def difficulty(self) -> float:
+        """Share of disturbances and randomisation, in [0, 1], that episodes have from their next start on."""
+        return self.batch.difficulty
+
+    @difficulty.setter
+    def difficulty(self, difficulty: float) -> None:
+        self.batch.difficulty = difficulty
+
+    def get_state(self) -> bytes:
+        """Return the state of the walker; put back, it goes on bit for bit.
+
+        `ProsthesisVectorEnv.get_state` says what is included.
+        """
+        return self.walkers.get_state()
+
+    def set_state(self, state: bytes) -> Observations:
+        """Put a saved walker in place of this one and return its observation (D,), the newest it had handed out.
+
+        Raises:
+            ValueError: a state of another configuration or version, of several walkers, or a damaged one.
+
+        """
+        observation: Observations = self.walkers.set_state(state)[0]
+        self._seeded = True
+        return observation
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -64,17 +113,19 @@ class ProsthesisEnv(gymnasium.Env[Observations, NDArray[np.floating[Any]]]):
             seed = int(self.np_random.integers(2**63))
         self._seeded = True
         seeds = None if seed is None else np.array([seed], dtype=np.uint64)
-        return self.batch.reset(seeds)[0], {}
+        return self.walkers.reset(seeds)[0], {}
 
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
-        """Advance by one action ((1,) float32 or float64) of `action.hold` control periods.
+        """Advance by one action ((action size,) float32 or float64) of `action.hold` control periods.
 
         Raises:
             ValueError: wrong shape or dtype, NaN, or the episode has ended.
 
         """
-        step = self.batch.step(check_actions(action, (1,)))
-        info: dict[str, Any] = {"reward_terms": dict(zip(_core.TERMS, step.terms[0].tolist(), strict=True))}
+        step = self.walkers.step(check_actions(action, self._action_shape))
+        info: dict[str, Any] = {
+            "reward_terms": dict(zip(self.walkers.terms.names, step.terms[0].tolist(), strict=True))
+        }
         reason = step.reasons[0]
         if reason:
             info["termination_reason"] = _core.REASONS[reason]

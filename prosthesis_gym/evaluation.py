@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import merge
+from prosthesis_gym.config import CONTROL_PERIOD_S, merge
 from prosthesis_gym.controller import Controller
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S
 
 #: Seeds from here on are for evaluation: training must stay below.
 HELD_OUT_SEED = 1_000_000_000

@@ -5,9 +5,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from prosthesis_gym.config import resolve
+from prosthesis_gym.config import CONTROL_PERIOD_S, resolve
 from prosthesis_gym.extras import optional
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S
 
 _PHYSICS_STEP_S = 5e-4
 

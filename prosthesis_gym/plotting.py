@@ -15,7 +15,6 @@ from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.gait import Stride, residual_contact, steady_strides, stride_table
 from prosthesis_gym.trial import STAND, Trial
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

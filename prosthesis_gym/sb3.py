@@ -17,7 +17,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from prosthesis_gym import _core
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S, ProsthesisVectorEnv
+from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 OBSERVATION_EPSILON = 1e-8
 """Added to the variance that normalised observations are divided by the root of."""

@@ -15,11 +15,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import merge, resolve
+from prosthesis_gym.config import CONTROL_PERIOD_S, merge, resolve
 from prosthesis_gym.controller import Controller
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S
 
 #: Codes of the columns `human_state` and `intact_leg_state` (Figure 3).
 STAND, STEP_START, STEP_CYCLE, STEP_STOP = range(4)

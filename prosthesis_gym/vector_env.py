@@ -1,70 +1,32 @@
 """Native vector environment: thousands of walkers in one call of the Rust core."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import Config, load_config, merge, resolve
-
-CONTROL_PERIOD_S = 0.005
-"""Control period of the prosthesis (200 Hz). One env step advances `action.hold` of them."""
-
-Observations = NDArray[np.float32]
+from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.walkers import (
+    Observations,
+    Walkers,
+    environment_config,
+    observation_groups,
+    spaces,
+)
 
 _REASONS = np.array(_core.REASONS, dtype=object)
-_TERM_MASKS = [f"_{name}" for name in _core.TERMS]
 
 _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] = {
     AutoresetMode.NEXT_STEP: "next_step",
     AutoresetMode.SAME_STEP: "same_step",
     AutoresetMode.DISABLED: "disabled",
 }
-
-
-def spaces(config: Mapping[str, Any]) -> tuple[Box, Box]:
-    """Return observation and action space of one environment with the given complete configuration.
-
-    The observation is `observation.frames` frames of the sensors in `_core.channels(config)`, newest first, float32.
-    The action is one number in [-1, 1]; what it means is `action.mode`.
-    """
-    frames = config["observation"]["frames"]
-    channels = _core.channels(config)
-    low = np.tile(np.array([channel[1] for channel in channels], dtype=np.float32), frames)
-    high = np.tile(np.array([channel[2] for channel in channels], dtype=np.float32), frames)
-    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (1,), dtype=np.float32)
-
-
-def environment_config(
-    source: str | Path | Mapping[str, Any] | None, device: str | None, max_episode_steps: int | None
-) -> Config:
-    """Return the complete configuration of an environment.
-
-    Args:
-        source: TOML file, nested mapping or None for the defaults.
-        device: replaces `device.kind`, if given.
-        max_episode_steps: replaces `scenario.duration_s`, in env steps, if given.
-
-    """
-    config = load_config(source)
-    if device is not None:
-        config = merge(config, {"device": {"kind": device}})
-    if max_episode_steps is not None:
-        config = _limited(config, max_episode_steps)
-    return resolve(config)
-
-
-def _limited(config: Config, max_episode_steps: int) -> Config:
-    if max_episode_steps < 1:
-        raise ValueError(f"max_episode_steps = {max_episode_steps} must be at least 1")
-    duration = max_episode_steps * resolve(config)["action"]["hold"] * CONTROL_PERIOD_S
-    return merge(config, {"scenario": {"duration_s": duration}})
 
 
 def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -98,7 +60,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
     Args:
         num_envs: number of walkers.
-        config: TOML file, nested mapping or None for the defaults.
+        config: TOML file, nested mapping or None; overrides scenario and reward.
+        scenario: what the walkers meet: one of `prosthesis_gym.SCENARIOS`, or the path of a file.
+        reward: weights of the reward's terms: one of `prosthesis_gym.REWARDS`, or the path of a file.
+        reward_terms: terms of one's own beside the core's.
         device: knee unit (a key of `prosthesis_gym.devices.DEVICES`); None leaves it to the configuration.
         autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
         threads: worker threads; None takes all cores. Results do not depend on it.
@@ -115,6 +80,9 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         num_envs: int = 1,
         config: str | Path | Mapping[str, Any] | None = None,
         *,
+        scenario: str | Path | None = None,
+        reward: str | Path | None = None,
+        reward_terms: Sequence[RewardTerm] = (),
         device: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
@@ -123,9 +91,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
     ) -> None:
         if render_mode is not None:
             raise ValueError(f"render_mode = {render_mode!r} must be None")
-        self.config = environment_config(config, device, max_episode_steps)
+        self.config = environment_config(config, device, max_episode_steps, scenario=scenario, reward=reward)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.batch = _core.Batch(num_envs, self.config, _AUTORESET[self.autoreset_mode], threads)
+        self.walkers = Walkers(num_envs, self.config, reward_terms, _AUTORESET[self.autoreset_mode], threads)
+        self.batch = self.walkers.batch
         self.num_envs = num_envs
         self.render_mode = None
         self.single_observation_space, self.single_action_space = spaces(self.config)
@@ -136,8 +105,60 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             "render_fps": round(1.0 / (CONTROL_PERIOD_S * self.config["action"]["hold"])),
             "autoreset_mode": self.autoreset_mode,
         }
+        self._action_shape = self.single_action_space.shape
         self._seeded = False
         self._all = np.ones(num_envs, dtype=np.bool_)
+
+    @property
+    def observation_groups(self) -> dict[str, NDArray[np.intp]]:
+        """Indices of each group of channels in an observation (D,), over all frames.
+
+        An asymmetric actor sees all but "privileged", its critic everything.
+        """
+        return observation_groups(self.config)
+
+    @property
+    def difficulty(self) -> float:
+        """Share of disturbances and randomisation, in [0, 1], that episodes have from their next start on.
+
+        0 is the nominal walker, whom nobody disturbs, 1 the scenario as it is. A value outside is a ValueError.
+        """
+        return self.batch.difficulty
+
+    @difficulty.setter
+    def difficulty(self, difficulty: float) -> None:
+        self.batch.difficulty = difficulty
+
+    def get_state(self, indices: Sequence[int] | None = None) -> bytes:
+        """Return the state of the walkers at `indices`, of all by default; put back, each goes on bit for bit.
+
+        Included: walker, knee and sensors, the episode with all that was drawn for it, the number of the episode and
+        its seed (so the next episodes too), observation, sums of the reward, whether the episode has ended. Not
+        included: `difficulty` of episodes to come, statistics that normalise observations, recordings, and whatever
+        the environment's wrappers keep.
+
+        Raises:
+            ValueError: an index outside [0, N - 1], or none.
+
+        """
+        return self.walkers.get_state(indices)
+
+    def set_state(self, state: bytes, indices: Sequence[int] | None = None) -> Observations:
+        """Put saved walkers at `indices`, at all by default; a single one goes to each of them.
+
+        The state may come from any environment, single or vector, of the same configuration and reward terms.
+
+        Returns:
+            Observations (N, D) float32 of all walkers: those of saved ones are the newest they had handed out.
+
+        Raises:
+            ValueError: an index outside [0, N - 1]; a state of another configuration, version or number of walkers,
+                or a damaged one. The walkers stay as they were.
+
+        """
+        observations = self.walkers.set_state(state, indices)
+        self._seeded |= indices is None or set(indices) == set(range(self.num_envs))
+        return observations
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -161,7 +182,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         seeds = self._seeds(seed)
         if seeds is not None:
             self._seeded = True
-        return self.batch.reset(seeds, mask), {}
+        return self.walkers.reset(seeds, mask), {}
 
     def _reset_mask(self, mask: object) -> NDArray[np.bool_]:
         if mask is None:
@@ -198,7 +219,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """Advance all environments by one action of `action.hold` control periods.
 
         Args:
-            actions: (N, 1) float32 or float64, limited to [-1, 1].
+            actions: (N, action size) float32 or float64, limited to [-1, 1].
 
         Returns:
             Observations (N, frames * channels) float32, rewards (N,) float64, terminated and truncated (N,) bool,
@@ -208,19 +229,22 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             ValueError: wrong shape or dtype, NaN, or (autoreset disabled) an environment that has ended.
 
         """
-        flat = check_actions(actions, (self.num_envs, 1))
-        step = self.batch.step(flat)
+        flat = check_actions(actions, (self.num_envs, *self._action_shape))
+        step = self.walkers.step(flat)
+        names = self.walkers.terms.names
         terms, reasons, finals, started = step.terms, step.reasons, step.final_observations, step.started
         if finals is not None and started.any():
-            infos = _same_step_infos(terms, reasons, finals, started)
+            infos = _same_step_infos(names, terms, reasons, finals, started)
         else:
-            infos = _infos(terms, reasons, ~started)
+            infos = _infos(names, terms, reasons, ~started)
         return step.observations, step.rewards, step.terminated, step.truncated, infos
 
 
-def _infos(terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]) -> dict[str, Any]:
+def _infos(
+    names: Sequence[str], terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]
+) -> dict[str, Any]:
     """Lay out the infos of the environments in the mask `present`; terms (N, number of terms) are 0 elsewhere."""
-    named = dict(zip(_core.TERMS, terms.T, strict=True)) | dict.fromkeys(_TERM_MASKS, present)
+    named = dict(zip(names, terms.T, strict=True)) | dict.fromkeys((f"_{name}" for name in names), present)
     infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
     if reasons.any():
         ended = reasons != 0
@@ -231,15 +255,19 @@ def _infos(terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDAr
 
 
 def _same_step_infos(
-    terms: NDArray[np.float64], reasons: NDArray[np.uint8], finals: Observations, ended: NDArray[np.bool_]
+    names: Sequence[str],
+    terms: NDArray[np.float64],
+    reasons: NDArray[np.uint8],
+    finals: Observations,
+    ended: NDArray[np.bool_],
 ) -> dict[str, Any]:
     """Lay out the infos of a step in which episodes ended: theirs is the final one, all others' the one of the step."""
     where = ended[:, None]
-    infos = _infos(np.where(where, 0.0, terms), np.where(ended, 0, reasons), ~ended)
+    infos = _infos(names, np.where(where, 0.0, terms), np.where(ended, 0, reasons), ~ended)
     return infos | {
         "final_obs": _rows(finals, ended),
         "_final_obs": ended,
-        "final_info": _infos(np.where(where, terms, 0.0), reasons, ended),
+        "final_info": _infos(names, np.where(where, terms, 0.0), reasons, ended),
         "_final_info": ended,
     }
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from prosthesis_gym.profiles import PROFILES, load_profile
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import merge
-from prosthesis_gym.profiles import PROFILES, load_profile
 from prosthesis_gym.trial import INTACT, RESIDUAL, Trial, _upright_outcome, load_trial, run_trial, save_trial
 
 WALK: Mapping[str, Any] = {

@@ -10,7 +10,7 @@ from prosthesis_gym.cli import accuracy, bench, bodies, parameters, torture, wal
 _EXAMPLES = """\
 examples:
   prosthesis-gym walk
-  prosthesis-gym walk --profile trial40 --plot trial40.png --out trial40.parquet
+  prosthesis-gym walk --scenario trial40 --plot trial40.png --out trial40.parquet
   prosthesis-gym bodies --out bodies.csv
   prosthesis-gym accuracy --episodes 512
   prosthesis-gym bench --walkers 1 4096

@@ -20,8 +20,8 @@ from rich.table import Table
 
 from prosthesis_gym import _core, peers
 from prosthesis_gym.cli.parsers import Commands, new_parser
-from prosthesis_gym.config import resolve
-from prosthesis_gym.vector_env import CONTROL_PERIOD_S, ProsthesisVectorEnv
+from prosthesis_gym.config import CONTROL_PERIOD_S, resolve
+from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 _EXAMPLES = """\
 examples:

@@ -15,23 +15,24 @@ from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
 from prosthesis_gym.policy import Policy
-from prosthesis_gym.profiles import PROFILES, load_profile
+from prosthesis_gym.scenarios import SCENARIOS, load_scenario
 from prosthesis_gym.trial import Trial, check_trial_path, run_trial, save_trial
 
 _EXAMPLES = """\
 examples:
   prosthesis-gym walk                                  from standing to 1.1 m/s, 10 s
-  prosthesis-gym walk --profile trial40 --plot trial40.png
+  prosthesis-gym walk --scenario trial40 --plot trial40.png
   prosthesis-gym walk --speed 1.3 --duration 20 --set knee.spring_nm_rad=1
   prosthesis-gym walk --mass 60 --height 1.65 --set ground.slope_deg=2
   prosthesis-gym walk --start cyclic --controller constant:0 --out no_damper.csv
-  prosthesis-gym walk --profile my_speeds.csv --json > strides.json
+  prosthesis-gym walk --scenario my_speeds.csv --json > strides.json
   prosthesis-gym walk --device motor --duration 12 --window 3.52 9.24
   prosthesis-gym walk --device friction --controller constant:4
 
-A profile file is a CSV with the columns time_s, speed_m_s, walk, or a TOML file with a list
-`profile` of {time_s, speed_m_s, walk}. What is given later in this list counts: the defaults of
-this command, --config, --profile, the other options, --set (keys: `prosthesis-gym parameters`).
+A scenario file is a TOML file with [scenario] and other sections of what a walker meets, or a CSV
+with the columns time_s, speed_m_s, walk (see `prosthesis-gym scenarios`). What is given later in
+this list counts: the defaults of this command, --config, --scenario (in place of the defaults'
+scenario), the other options, --set (keys: `prosthesis-gym parameters`).
 """
 
 #: An undisturbed walk from standing at one speed.
@@ -76,12 +77,12 @@ def add_parser(commands: Commands) -> None:
         metavar="NAME",
         help=f"state-machine (default), constant:VALUE ({constants}) or a policy's folder",
     )
-    add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a profile")
-    add("--profile", metavar="NAME|FILE", help=f"intent over time: {', '.join(PROFILES)}, or a file")
+    add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a scenario")
+    add("--scenario", "--profile", metavar="NAME|FILE", help=f"what happens: {', '.join(SCENARIOS)}, or a file")
     add("--mass", type=float, metavar="KG", help="mass of human and prosthesis (default: 75)")
     add("--height", type=float, metavar="M", help="body height (default: 1.77)")
     add("--start", choices=["standing", "cyclic"], help="default: standing, intent to walk from 1 s")
-    add("--duration", type=float, metavar="S", help="length of the trial (default: 10, or the profile's)")
+    add("--duration", type=float, metavar="S", help="length of the trial (default: 10, or the scenario's)")
     add("--solver", choices=sorted(SOLVERS), help="reference: converged (default); fast: as in training")
     add("--seed", type=int, default=0, metavar="N", help="of whatever the configuration leaves to chance (default: 0)")
     add("--config", type=Path, metavar="FILE", help="TOML file with any part of the configuration")
@@ -132,17 +133,21 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
 
 def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | None]:
-    if arguments.speed is not None and arguments.profile is not None:
-        raise ValueError(f"--speed {arguments.speed} and --profile {arguments.profile}: a profile has its own speeds")
+    if arguments.speed is not None and arguments.scenario is not None:
+        raise ValueError(
+            f"--speed {arguments.speed} and --scenario {arguments.scenario}: a scenario has its own speeds"
+        )
     config = DEFAULTS
+    if arguments.scenario is not None:
+        config = {section: value for section, value in DEFAULTS.items() if section != "scenario"}
     if arguments.config:
         config = merge(config, load_config(arguments.config))
     if arguments.device is not None:
         config = merge(config, {"device": {"kind": arguments.device}})
     if arguments.mass is not None or arguments.height is not None:
         config = merge(config, scaled_body(arguments.mass, arguments.height))
-    if arguments.profile is not None:
-        config = merge(config, {"scenario": load_profile(arguments.profile)})
+    if arguments.scenario is not None:
+        config = merge(config, load_scenario(arguments.scenario))
     scenario: dict[str, Any] = {}
     if arguments.speed is not None:
         scenario |= {"speed_m_s": arguments.speed, "profile": []}
