@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from prosthesis_gym.config import CONTROL_PERIOD_S
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.gait import Stride, residual_contact, steady_strides, stride_table
@@ -28,8 +29,6 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
 )  # fmt: skip
 RED, GREY, SHADE = "#d40000", "#8c8c8c", "#eeeeee"
 
-#: Trunk as drawn; its length takes no part in the model.
-TRUNK_LENGTH_M = 0.6
 _FRAME_S = 0.1
 #: Ground that the frames show at least: at equal scales, less would make their panel narrower than the others.
 _SHORTEST_WALK_M = 7.9
@@ -64,43 +63,10 @@ def check_plot_path(path: Path) -> None:
     optional("matplotlib")
 
 
-def skeleton(
-    body: Mapping[str, float],
-    *,
-    hip_x_m: Array,
-    hip_y_m: Array,
-    trunk_angle_deg: Array,
-    thigh_angle_deg: Array,
-    knee_angle_deg: Array,
-    ankle_angle_deg: Array,
-) -> dict[str, Array]:
-    """Return points (N, 2) in m of trunk top, hip, knee, ankle, heel and ball, for a configuration's section `body`."""
-    hip = np.stack([hip_x_m, hip_y_m], axis=-1)
-    thigh = np.radians(thigh_angle_deg)
-    shank = thigh - np.radians(knee_angle_deg)
-    foot = shank - np.radians(ankle_angle_deg)
-    knee = hip + _turned(0.0, -body["thigh_length_m"], thigh)
-    ankle = knee + _turned(0.0, -(body["calf_length_m"] + body["tube_length_m"]), shank)
-    return {
-        "trunk_top": hip + _turned(0.0, TRUNK_LENGTH_M, np.radians(trunk_angle_deg)),
-        "hip": hip,
-        "knee": knee,
-        "ankle": ankle,
-        "heel": ankle + _turned(body["heel_x_m"], -body["foot_height_m"], foot),
-        "ball": ankle + _turned(body["ball_x_m"], -body["foot_height_m"], foot),
-    }
-
-
 def trial_skeleton(trial: Trial) -> dict[str, Array]:
-    """Return the skeleton in every row of a trial."""
-    names = ("hip_x_m", "hip_y_m", "trunk_angle_deg", "thigh_angle_deg", "knee_angle_deg", "ankle_angle_deg")
-    return skeleton(trial.config["body"], **{name: trial[name] for name in names})
-
-
-def _turned(x: float, y: float, angle: Array) -> Array:
-    """Turn the vector (x, y) counter-clockwise by each angle (rad)."""
-    sin, cos = np.sin(angle), np.cos(angle)
-    return np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
+    """Return points (N, 2) in m of trunk top, hip, knee, ankle, heel and ball in every row of a trial."""
+    points = ("trunk_top", "hip", "knee", "ankle", "heel", "ball")
+    return {point: np.stack([trial[f"{point}_{axis}_m"] for axis in "xy"], axis=-1) for point in points}
 
 
 def plot_trial(trial: Trial, path: str | Path, window: tuple[float, float] = (0.0, 8.0)) -> None:

@@ -2,23 +2,20 @@
 
 import csv
 import json
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S, merge, resolve
-from prosthesis_gym.controller import Controller
+from prosthesis_gym.controller import Controller, require_one_action
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
+from prosthesis_gym.progress import progress_bar
 
 #: Codes of the columns `human_state` and `intact_leg_state` (Figure 3).
 STAND, STEP_START, STEP_CYCLE, STEP_STOP = range(4)
@@ -28,8 +25,6 @@ RESIDUAL, INTACT = range(2)
 
 #: A stopping step that has not come to an end this long after the last foot strike never will.
 _STOP_TIMEOUT_S = 5.0
-#: Simulations that take longer than this show a progress bar.
-_PATIENCE_S = 2.0
 _STEPS_PER_UPDATE = 100
 _METADATA = b"prosthesis_gym"
 
@@ -38,13 +33,15 @@ _METADATA = b"prosthesis_gym"
 class Trial:
     """What happened: `columns` has one row per 5 ms from t = 0, `events` one per foot strike.
 
-    `outcome` is "standing", "walking", "stopped on its toe" or "fell: <reason>"; `config` is complete.
+    `outcome` is "standing", "walking", "stopped on its toe" or "fell: <reason>"; `config` is complete, and draws from
+    `seed` what it leaves to chance.
     """
 
     columns: dict[str, NDArray[Any]]
     events: dict[str, NDArray[Any]]
     outcome: str
     config: dict[str, Any]
+    seed: int = 0
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         return self.columns[column]
@@ -81,6 +78,7 @@ def run_trial(
     """
     if policy is not None:
         config = policy.configure(config)
+        require_one_action(config)
     if duration_s is not None:
         config = merge(config, {"scenario": {"duration_s": duration_s}})
     resolved = resolve(config)
@@ -92,7 +90,7 @@ def run_trial(
     batch.record(0)
     observation = batch.reset(np.array([seed], dtype=np.uint64), None)
     actions = np.zeros(1)
-    with _progress(resolved["scenario"]["duration_s"], progress) as show:
+    with progress_bar("simulating", resolved["scenario"]["duration_s"], "s", shown=progress) as show:
         steps, done = 0, False
         while not done:
             if policy is not None:
@@ -105,7 +103,7 @@ def run_trial(
                 show(CONTROL_PERIOD_S * resolved["action"]["hold"] * steps)
     columns, events = batch.recording(), batch.events()
     outcome = f"fell: {_core.REASONS[step.reasons[0]]}" if fell else _upright_outcome(columns, events)
-    return Trial(columns, events, outcome, resolved)
+    return Trial(columns, events, outcome, resolved, seed)
 
 
 def _upright_outcome(columns: Mapping[str, NDArray[Any]], events: Mapping[str, NDArray[Any]]) -> str:
@@ -116,32 +114,6 @@ def _upright_outcome(columns: Mapping[str, NDArray[Any]], events: Mapping[str, N
     stopping = last["human_state"] == STEP_STOP and last["intact_leg_state"] == INTACT_STANCE and last["intent"] == 0
     waited_s = last["time_s"] - events["time_s"][-1] if len(events["time_s"]) else 0.0
     return "stopped on its toe" if stopping and waited_s > _STOP_TIMEOUT_S else "walking"
-
-
-@contextmanager
-def _progress(duration_s: float, shown: bool) -> Iterator[Callable[[float], None]]:
-    """Show a bar on stderr, but only when the simulation takes long."""
-    bar = Progress(
-        TextColumn("simulating"),
-        BarColumn(),
-        TextColumn("{task.completed:.1f} of {task.total:.1f} s"),
-        TimeRemainingColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
-    task = bar.add_task("", total=duration_s)
-    began = time.perf_counter()
-
-    def show(simulated_s: float) -> None:
-        if shown and not bar.live.is_started and time.perf_counter() - began > _PATIENCE_S:
-            bar.start()
-        bar.update(task, completed=simulated_s)
-
-    try:
-        yield show
-    finally:
-        if bar.live.is_started:
-            bar.stop()
 
 
 def check_trial_path(path: Path) -> None:
@@ -165,7 +137,7 @@ def save_trial(trial: Trial, path: str | Path) -> None:
         else:
             pa, parquet = optional("pyarrow"), optional("pyarrow.parquet")
             events = {name: values.tolist() for name, values in trial.events.items()}
-            metadata = {"outcome": trial.outcome, "config": trial.config, "events": events}
+            metadata = {"outcome": trial.outcome, "config": trial.config, "seed": trial.seed, "events": events}
             table = pa.table(trial.columns).replace_schema_metadata({_METADATA: json.dumps(metadata).encode()})
             parquet.write_table(table, temporary)
 
@@ -185,4 +157,4 @@ def load_trial(path: str | Path) -> Trial:
     metadata = json.loads(table.schema.metadata[_METADATA])
     columns = {name: table[name].to_numpy() for name in table.column_names}
     events = {name: np.asarray(values) for name, values in metadata["events"].items()}
-    return Trial(columns, events, metadata["outcome"], metadata["config"])
+    return Trial(columns, events, metadata["outcome"], metadata["config"], metadata["seed"])

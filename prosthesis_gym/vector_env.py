@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
+import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -11,14 +12,10 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.rendering.canvas import Frame
+from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
 from prosthesis_gym.reward_terms import RewardTerm
-from prosthesis_gym.walkers import (
-    Observations,
-    Walkers,
-    environment_config,
-    observation_groups,
-    spaces,
-)
+from prosthesis_gym.walkers import Observations, Walkers, environment_config, observation_groups, spaces
 
 _REASONS = np.array(_core.REASONS, dtype=object)
 
@@ -27,6 +24,12 @@ _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] =
     AutoresetMode.SAME_STEP: "same_step",
     AutoresetMode.DISABLED: "disabled",
 }
+
+
+def env_steps_per_s(config: Mapping[str, Any]) -> int:
+    """Return the env steps in a second of simulated time, rounded."""
+    hold: int = config["action"]["hold"]
+    return round(1.0 / (CONTROL_PERIOD_S * hold))
 
 
 def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -68,12 +71,18 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
         threads: worker threads; None takes all cores. Results do not depend on it.
         max_episode_steps: replaces `scenario.duration_s`, in env steps.
-        render_mode: must be None; there is no renderer yet.
+        render_mode: None; "rgb_array", pictures when `render` is called; or "human", a window that follows every
+            reset and step. Needs the extra `render`; trajectories do not depend on it. Only the first 16 walkers are
+            ever drawn.
+        render_size: width and height in pixels of each walker's picture, by default 640x360, or of the window.
 
     Raises:
         ValueError: impossible configuration or arguments; names key, value and range.
+        ModuleNotFoundError: rendering without the extra `render`.
 
     """
+
+    metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 - as Gymnasium declares it
 
     def __init__(
         self,
@@ -88,24 +97,25 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         threads: int | None = None,
         max_episode_steps: int | None = None,
         render_mode: str | None = None,
+        render_size: tuple[int, int] | None = None,
     ) -> None:
-        if render_mode is not None:
-            raise ValueError(f"render_mode = {render_mode!r} must be None")
+        mode = check_render_mode(render_mode)
         self.config = environment_config(config, device, max_episode_steps, scenario=scenario, reward=reward)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.walkers = Walkers(num_envs, self.config, reward_terms, _AUTORESET[self.autoreset_mode], threads)
         self.batch = self.walkers.batch
         self.num_envs = num_envs
-        self.render_mode = None
+        self.render_mode = mode
+        #: Draws the walkers, if there is a render mode.
+        self.rendering = None if mode is None else BatchRendering(self.batch, self.config, mode, render_size)
         self.single_observation_space, self.single_action_space = spaces(self.config)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.metadata = {
-            "render_modes": [],
-            "render_fps": round(1.0 / (CONTROL_PERIOD_S * self.config["action"]["hold"])),
+            "render_modes": RENDER_MODES,
+            "render_fps": env_steps_per_s(self.config),
             "autoreset_mode": self.autoreset_mode,
         }
-        self._action_shape = self.single_action_space.shape
         self._seeded = False
         self._all = np.ones(num_envs, dtype=np.bool_)
 
@@ -157,6 +167,8 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
         """
         observations = self.walkers.set_state(state, indices)
+        if self.rendering is not None:
+            self.rendering.reset()
         self._seeded |= indices is None or set(indices) == set(range(self.num_envs))
         return observations
 
@@ -182,7 +194,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         seeds = self._seeds(seed)
         if seeds is not None:
             self._seeded = True
-        return self.walkers.reset(seeds, mask), {}
+        observations = self.walkers.reset(seeds, mask)
+        if self.rendering is not None:
+            self.rendering.reset()
+        return observations, {}
 
     def _reset_mask(self, mask: object) -> NDArray[np.bool_]:
         if mask is None:
@@ -219,7 +234,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """Advance all environments by one action of `action.hold` control periods.
 
         Args:
-            actions: (N, action size) float32 or float64, limited to [-1, 1].
+            actions: (N, 1), or (N, 3) in mode "impedance", float32 or float64, limited to [-1, 1].
 
         Returns:
             Observations (N, frames * channels) float32, rewards (N,) float64, terminated and truncated (N,) bool,
@@ -229,8 +244,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             ValueError: wrong shape or dtype, NaN, or (autoreset disabled) an environment that has ended.
 
         """
-        flat = check_actions(actions, (self.num_envs, *self._action_shape))
+        flat = check_actions(actions, self.action_space.shape or ())
         step = self.walkers.step(flat)
+        if self.rendering is not None:
+            self.rendering.step()
         names = self.walkers.terms.names
         terms, reasons, finals, started = step.terms, step.reasons, step.final_observations, step.started
         if finals is not None and started.any():
@@ -238,6 +255,26 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         else:
             infos = _infos(names, terms, reasons, ~started)
         return step.observations, step.rewards, step.terminated, step.truncated, infos
+
+    def render(self) -> tuple[Frame, ...] | None:
+        """Return a picture (height, width, 3) uint8 of each of the first 16 walkers, or draw them into the window.
+
+        Raises:
+            ValueError: before the first reset.
+
+        """
+        if self.rendering is None:
+            gymnasium.logger.warn("render() without a render_mode draws nothing; choose one when making the envs")
+            return None
+        if self.render_mode == "human":
+            self.rendering.show()
+            return None
+        return self.rendering.frames()
+
+    def close_extras(self, **_: object) -> None:
+        """Close the window, if there is one."""
+        if self.rendering is not None:
+            self.rendering.close()
 
 
 def _infos(
@@ -248,9 +285,9 @@ def _infos(
     infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
     if reasons.any():
         ended = reasons != 0
-        names = np.full(reasons.size, None, dtype=object)
-        names[ended] = _REASONS[reasons[ended]]
-        infos |= {"termination_reason": names, "_termination_reason": ended}
+        why = np.full(reasons.size, None, dtype=object)
+        why[ended] = _REASONS[reasons[ended]]
+        infos |= {"termination_reason": why, "_termination_reason": ended}
     return infos
 
 

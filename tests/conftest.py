@@ -13,6 +13,9 @@ settings.register_profile("ci", derandomize=True, deadline=None, print_blob=True
 settings.register_profile("explore", deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
+# Windows of rendered environments open on no screen.
+os.environ["SDL_VIDEODRIVER"] = "dummy"
+
 ENVIRONMENTS = sorted(name for name in gymnasium.registry if name.startswith("prosthesis_gym/"))
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from prosthesis_gym.bodies import HEIGHT_M, scaled_body
 from prosthesis_gym.body_walks import walk_bodies
-from prosthesis_gym.cli import main, walk
+from prosthesis_gym.cli import main, trial_options
 from prosthesis_gym.config import merge, resolve
 
 TABLE_1 = resolve({})
@@ -71,7 +71,9 @@ def test_sizes_out_of_range_are_named(mass: float, height: float, complaint: str
 
 
 def test_the_body_of_table_1_walks_and_the_table_says_how() -> None:
-    config = merge(walk.DEFAULTS, {"scenario": {"duration_s": 8.0}, "solver": walk.SOLVERS["fast"]["solver"]})
+    config = merge(
+        trial_options.DEFAULTS, {"scenario": {"duration_s": 8.0}, "solver": trial_options.SOLVERS["fast"]["solver"]}
+    )
     (result,) = walk_bodies([75.0], [HEIGHT_M], config)
     assert result.walks
     assert result.speed_m_s == pytest.approx(1.1, abs=0.02)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from prosthesis_gym import _core
-from prosthesis_gym import trial as trial_module
-from prosthesis_gym.cli import main, walk
+from prosthesis_gym import _core, progress
+from prosthesis_gym.cli import main, trial_options, walk
 from prosthesis_gym.config import merge
 from prosthesis_gym.plotting import plot_gait, plot_trial
 from prosthesis_gym.policy import Normalisation, Policy
@@ -160,9 +159,9 @@ def test_constant_command_is_that_of_the_knee_however_it_is_chosen(
         (["--speed", "1.2", "--profile", "steady"], "--profile steady"),
         (["--duration", "nan"], "scenario.duration_s = NaN"),
         (["--profile", "nowhere"], "'nowhere'"),
-        (["--controller", "magic"], "--controller magic"),
+        (["--controller", "magic"], "controller magic"),
         (["--controller", "constant:lots"], "'lots' is not a number"),
-        (["--controller", "constant"], "--controller constant"),
+        (["--controller", "constant"], "controller constant"),
         (["--controller", "."], "no policy in ."),
         (["--config", "missing.toml"], "missing.toml"),
         (["--out", "trial.xlsx"], ".parquet or .csv"),
@@ -205,8 +204,8 @@ def test_missing_extra_is_named(
 def test_slow_simulations_show_a_bar_on_standard_error(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(trial_module, "_PATIENCE_S", 0.0)
-    monkeypatch.setattr(trial_module, "Console", lambda **_: Console(file=sys.stderr, force_terminal=True))
+    monkeypatch.setattr(progress, "_PATIENCE_S", 0.0)
+    monkeypatch.setattr(progress, "Console", lambda **_: Console(file=sys.stderr, force_terminal=True))
     assert main([*SHORT, "--json"]) == 0
     output = capsys.readouterr()
     assert "simulating" in output.err
@@ -259,7 +258,7 @@ def test_bench_refuses_impossible_arguments(arguments: list[str], capsys: pytest
     assert capsys.readouterr().err.startswith("prosthesis-gym: error: ")
 
 
-@pytest.mark.parametrize("command", [[], ["walk"], ["bodies"], ["accuracy"], ["bench"], ["parameters"]])
+@pytest.mark.parametrize("command", [[], ["walk"], ["render"], ["bodies"], ["accuracy"], ["bench"], ["parameters"]])
 def test_help_ends_with_examples(command: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         main([*command, "--help"])
@@ -269,7 +268,7 @@ def test_help_ends_with_examples(command: list[str], capsys: pytest.CaptureFixtu
 
 @pytest.fixture(scope="module")
 def trial() -> Trial:
-    return run_trial(walk.DEFAULTS, duration_s=12.0)
+    return run_trial(trial_options.DEFAULTS, duration_s=12.0)
 
 
 def test_trial_figure_is_not_blank(trial: Trial, tmp_path: Path) -> None:
@@ -285,13 +284,13 @@ def test_window_outside_the_trial_is_refused(trial: Trial, tmp_path: Path, windo
 
 
 def test_gait_figure_compares_controllers(trial: Trial, tmp_path: Path) -> None:
-    other = run_trial(merge(walk.DEFAULTS, {"knee": {"spring_nm_rad": 1.5}}), duration_s=12.0)
+    other = run_trial(merge(trial_options.DEFAULTS, {"knee": {"spring_nm_rad": 1.5}}), duration_s=12.0)
     plot_gait({"spring 2 N m/rad": trial, "spring 1.5 N m/rad": other}, tmp_path / "gait.png")
     assert_picture(tmp_path / "gait.png")
 
 
 def test_gait_figure_needs_steady_strides(tmp_path: Path) -> None:
-    short = run_trial(walk.DEFAULTS, duration_s=3.0)
+    short = run_trial(trial_options.DEFAULTS, duration_s=3.0)
     with pytest.raises(ValueError, match=r"'short'.* no steady stride"):
         plot_gait({"short": short}, tmp_path / "gait.png")
     with pytest.raises(ValueError, match="trials: 0 of them"):
@@ -300,7 +299,7 @@ def test_gait_figure_needs_steady_strides(tmp_path: Path) -> None:
 
 
 def test_figure_of_a_fall(tmp_path: Path) -> None:
-    fall = run_trial(merge(walk.DEFAULTS, {"scenario": {"speed_m_s": 0.5}}), duration_s=12.0)
+    fall = run_trial(merge(trial_options.DEFAULTS, {"scenario": {"speed_m_s": 0.5}}), duration_s=12.0)
     assert fall.fell
     plot_trial(fall, tmp_path / "fall.png")
     assert_picture(tmp_path / "fall.png")

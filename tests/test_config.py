@@ -57,7 +57,7 @@ def test_bad_configurations_are_named(config: dict[str, Any], complaint: str) ->
 def dotted_keys(section: Config) -> Iterator[str]:
     """Keys of all values in a nested configuration."""
     for key, value in section.items():
-        if isinstance(value, dict):
+        if isinstance(value, dict) and value:
             yield from (f"{key}.{rest}" for rest in dotted_keys(value))
         else:
             yield key
@@ -68,6 +68,7 @@ def test_python_knows_the_knee_units_of_the_core() -> None:
     assert ranges["device.kind"].split(" | ") == list(DEVICES)
     for device in DEVICES.values():
         assert f"action.{device.constant_key}" in ranges
+        assert ".".join(device.full_command_key) in ranges
 
 
 def test_the_parameter_table_is_the_schema() -> None:

@@ -1,13 +1,11 @@
 """Gait measures of trials whose answers are known by construction."""
 
 import json
-from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from prosthesis_gym.gait import Stride, steady_strides, stride_json, stride_table, summary
-from prosthesis_gym.plotting import skeleton
 from prosthesis_gym.trial import Trial
 
 PERIOD_S, SPEED_M_S = 1.0, 1.2
@@ -112,38 +110,3 @@ def test_steady_strides_follow_others_at_the_same_intended_speed() -> None:
     assert steady_strides(trial, strides) == []
     changed = synthetic(intended_speed_m_s=np.where(trial["time_s"] < 2.0, 1.2, 1.3))
     assert steady_strides(changed, strides, settling=0) == [strides[0], strides[2]]
-
-
-def test_skeleton_in_closed_form() -> None:
-    body = {
-        "thigh_length_m": 0.4,
-        "calf_length_m": 0.2,
-        "tube_length_m": 0.1,
-        "heel_x_m": -0.05,
-        "ball_x_m": 0.15,
-        "foot_height_m": 0.08,
-    }
-
-    def posed(trunk: float, thigh: float, knee: float, ankle: float) -> dict[str, np.ndarray]:
-        angles = {"trunk_angle_deg": trunk, "thigh_angle_deg": thigh, "knee_angle_deg": knee, "ankle_angle_deg": ankle}
-        points = skeleton(
-            body,
-            hip_x_m=np.array([1.0]),
-            hip_y_m=np.array([0.9]),
-            **{name: np.array([value]) for name, value in angles.items()},
-        )
-        return {name: point[0] for name, point in points.items()}
-
-    upright = posed(0.0, 0.0, 0.0, 0.0)
-    np.testing.assert_allclose(upright["knee"], [1.0, 0.5])
-    np.testing.assert_allclose(upright["ankle"], [1.0, 0.2])
-    np.testing.assert_allclose(upright["heel"], [0.95, 0.12])
-    np.testing.assert_allclose(upright["ball"], [1.15, 0.12])
-    seated = posed(-90.0, 90.0, 90.0, 90.0)  # trunk forward, thigh forward, shank down, toes down
-    np.testing.assert_allclose(seated["trunk_top"], [1.6, 0.9])
-    np.testing.assert_allclose(seated["knee"], [1.4, 0.9])
-    np.testing.assert_allclose(seated["ankle"], [1.4, 0.6])
-    np.testing.assert_allclose(seated["ball"], [1.4 - 0.08, 0.6 - 0.15])
-    names = ["hip", "knee", "ankle"]
-    lengths = [np.hypot(*(seated[a] - seated[b])) for a, b in pairwise(names)]
-    assert lengths == pytest.approx([0.4, 0.3])

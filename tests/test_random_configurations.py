@@ -40,7 +40,7 @@ def default_of(key: str) -> Any:  # noqa: ANN401 - a parameter is of any type
 
 def numbers(key: str, limits: str, default: float) -> st.SearchStrategy[float]:
     """Strategy of one number, from a range such as "(0, 500]"."""
-    match = re.match(r"([\[(])(\S+), (\S+)\]", limits)
+    match = re.search(r"([\[(])(\S+), (\S+)\]", limits)
     assert match, f"{key} has the range {limits!r}"
     low, high = CHEAP.get(key, (float(match[2]), float(match[3])))
     if isinstance(default, int):
@@ -50,19 +50,44 @@ def numbers(key: str, limits: str, default: float) -> st.SearchStrategy[float]:
     return near | near | near | st.floats(low, high) | st.sampled_from([low, high])
 
 
+def distributions(key: str, limits: str, default: float) -> st.SearchStrategy[Any]:
+    """Strategy of a number's distributions."""
+    number = numbers(key, limits, default)
+    pair = st.tuples(number, number).map(sorted)
+    return (
+        number
+        | pair
+        | pair.map(lambda bounds: {"log_uniform": bounds})
+        | pair.map(lambda bounds: {"normal": [sum(bounds) / 2, (bounds[1] - bounds[0]) / 6.1]})
+        | st.lists(number, min_size=1, max_size=4).map(lambda choice: {"choice": choice})
+    )
+
+
 def values(key: str, limits: str) -> st.SearchStrategy[Any] | None:
     """Strategy of a parameter's values; None for the lists, which have tests of their own."""
     default = default_of(key)
-    if isinstance(default, bool):
-        return st.booleans()
-    if isinstance(default, str):
-        return st.sampled_from(limits.split(" | "))
+    if key == "scenario.randomise":
+        keys = st.lists(st.sampled_from(sorted(RANDOMISABLE)), max_size=5, unique=True)
+        return keys.flatmap(lambda keys: st.fixed_dictionaries({key: RANDOMISABLE[key] for key in keys}))
+    if key == "observation.groups":
+        return st.lists(st.sampled_from(limits.removeprefix("list of ").split(", ")), min_size=1, unique=True)
+    if isinstance(default, bool | str):
+        return st.booleans() if isinstance(default, bool) else st.sampled_from(limits.split(" | "))
     if limits.startswith("list of"):
         return None
-    if isinstance(default, list):
-        pairs = st.tuples(*(numbers(key, limits, bound) for bound in default)).map(sorted)
-        return pairs | numbers(key, limits, default[0])
-    return numbers(key, limits, default)
+    number = default[0] if isinstance(default, list) else default
+    return distributions(key, limits, number) if limits.startswith("distribution") else numbers(key, limits, number)
+
+
+WALKER = {"body", "ground", "human", "knee", "motor", "friction_knee", "end_stop", "ankle", "socket", "tube", "sensors"}
+RANDOMISABLE = {
+    key: distributions(key, parameter["range"], default_of(key))
+    for parameter in _core.parameters()
+    if (key := parameter["key"]).split(".")[0] in WALKER
+    and key != "body.sole_points"
+    and isinstance(default_of(key), int | float)
+    and not isinstance(default_of(key), bool)
+}
 
 
 STRATEGIES = {
@@ -101,7 +126,8 @@ def walk(envs: ProsthesisVectorEnv, seed: int) -> Walks:
     rng = np.random.default_rng(seed)
     walks = Walks([envs.reset(seed=seed)[0]])
     for step in range(STEPS):
-        observations, rewards, terminated, truncated, infos = envs.step(rng.uniform(-1.0, 1.0, (WALKERS, 1)))
+        actions = rng.uniform(-1.0, 1.0, envs.action_space.shape or ())
+        observations, rewards, terminated, truncated, infos = envs.step(actions)
         ended = terminated | truncated
         assert not (terminated & truncated).any()
         assert all(np.isfinite(terms).all() for terms in infos["reward_terms"].values())

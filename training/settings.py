@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
 
-from prosthesis_gym.config import apply_settings, resolve
+from prosthesis_gym.config import Config, apply_settings, merge, resolve
 from prosthesis_gym.evaluation import HELD_OUT_SEED
+from prosthesis_gym.rewards import load_reward
+from prosthesis_gym.scenarios import load_scenario
 
 
 def _within(low: float, high: float) -> dict[str, tuple[float, float]]:
@@ -32,6 +34,35 @@ class _Section:
                 raise ValueError(f"{name}.{key} = {value!r} {problem}")
             values[key] = float(value) if isinstance(defaults[key], float) else value
         return cls(**values)
+
+
+#: Sections of [env] that may name a preset or file, and what reads it.
+_PRESETS: dict[str, Callable[[str], Config]] = {"scenario": load_scenario, "reward": load_reward}
+
+
+def _with_presets_as_tables(table: Mapping[str, Any]) -> Config:
+    """Return the table with `scenario = "pushes"` in its long form, which settings can go on from."""
+    env = table.get("env")
+    named = {key: env[key] for key in _PRESETS if isinstance(env.get(key), str)} if isinstance(env, Mapping) else {}
+    return merge(table, {"env": {key: {"preset": name} for key, name in named.items()}} if named else {})
+
+
+def _with_presets(env: Mapping[str, Any]) -> Config:
+    """Return the sections of [env] on top of the presets that `scenario` and `reward` name."""
+    base: Config = {}
+    sections = merge({}, env)
+    for key, load in _PRESETS.items():
+        section = sections.get(key)
+        preset = section if isinstance(section, str) else None
+        if isinstance(section, dict):
+            preset = section.pop("preset", None)
+        if isinstance(section, str):
+            del sections[key]
+        if preset is not None:
+            if not isinstance(preset, str):
+                raise ValueError(f"{key}.preset = {preset!r} must be a name or a path")
+            base = merge(base, load(preset))
+    return merge(base, sections)
 
 
 def _section(name: str, table: object) -> Mapping[str, Any]:
@@ -93,6 +124,10 @@ class TrainingSettings(_Section):
     total_steps: int = field(default=1_000_000, metadata=_within(1, 10**12 - 1))
     #: Wall time after which training ends even so, s.
     seconds: float = field(default=1e9, metadata=_within(0.1, 1e9))
+    #: Env steps over which `difficulty` goes linearly from `start_difficulty` to 1; 0 for full difficulty throughout.
+    #: Evaluations are always at full difficulty.
+    curriculum_steps: int = field(default=0, metadata=_within(0, 10**12 - 1))
+    start_difficulty: float = field(default=0.0, metadata=_within(0.0, 1.0))
     eval_every_steps: int = field(default=500_000, metadata=_within(1, 10**12 - 1))
     eval_episodes: int = field(default=256, metadata=_within(1, 100_000))
     #: Episodes of the comparison with the state machine at the end.
@@ -112,7 +147,11 @@ class TrainingSettings(_Section):
 
 @dataclass(frozen=True)
 class Settings:
-    """A complete training configuration; `table` is what the file and the command line said."""
+    """A complete training configuration; `table` is what the file and the command line said.
+
+    `[env] scenario = "pushes"` and `reward = "safety"` name presets or files, as does `preset` in their sections
+    `[env.scenario]` and `[env.reward]`, whose other keys override it.
+    """
 
     num_envs: int
     env: dict[str, Any]
@@ -130,7 +169,7 @@ class Settings:
             raise ValueError(f"cannot read {path}: {error.strerror}") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"{path}: {error}") from None
-        return cls.read(apply_settings(table, changes))
+        return cls.read(apply_settings(_with_presets_as_tables(table), changes))
 
     @classmethod
     def read(cls, table: Mapping[str, Any]) -> Settings:
@@ -142,7 +181,7 @@ class Settings:
         if problem := _problem(num_envs, 1024, (1, 1_000_000)):
             raise ValueError(f"env.num_envs = {num_envs!r} {problem}")
         try:
-            env = resolve(overrides)
+            env = resolve(_with_presets(overrides))
         except ValueError as error:
             raise ValueError(f"in section env: {error}") from None
         if env["action"]["mode"] not in ("direct", "residual"):

@@ -11,7 +11,7 @@ from rich.table import Table
 from prosthesis_gym.bodies import HEIGHT_M
 from prosthesis_gym.body_walks import BodyResult, save_bodies, walk_bodies
 from prosthesis_gym.cli.parsers import Commands, new_parser
-from prosthesis_gym.cli.walk import DEFAULTS, SOLVERS
+from prosthesis_gym.cli.trial_options import DEFAULTS, SOLVERS
 from prosthesis_gym.config import apply_settings, merge
 
 _EXAMPLES = """\

@@ -2,20 +2,15 @@
 
 import argparse
 from pathlib import Path
-from typing import Any
 
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from prosthesis_gym.bodies import scaled_body
-from prosthesis_gym.cli.parsers import Commands, new_parser
-from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge, resolve
-from prosthesis_gym.devices import DEVICES
+from prosthesis_gym.cli.parsers import Commands, check_overwrite, new_parser
+from prosthesis_gym.cli.trial_options import add_controller_option, add_trial_options, configure
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
-from prosthesis_gym.policy import Policy
-from prosthesis_gym.scenarios import SCENARIOS, load_scenario
 from prosthesis_gym.trial import Trial, check_trial_path, run_trial, save_trial
 
 _EXAMPLES = """\
@@ -30,25 +25,10 @@ examples:
   prosthesis-gym walk --device friction --controller constant:4
 
 A scenario file is a TOML file with [scenario] and other sections of what a walker meets, or a CSV
-with the columns time_s, speed_m_s, walk (see `prosthesis-gym scenarios`). What is given later in
-this list counts: the defaults of this command, --config, --scenario (in place of the defaults'
-scenario), the other options, --set (keys: `prosthesis-gym parameters`).
+with the columns time_s, speed_m_s, walk; `prosthesis-gym scenarios` lists the presets. What is
+given later in this list counts: the defaults of this command, --config, --scenario (in place of
+the defaults' scenario), the other options, --set (keys: `prosthesis-gym parameters`).
 """
-
-#: An undisturbed walk from standing at one speed.
-DEFAULTS: dict[str, Any] = {
-    "action": {"mode": "state_machine"},
-    **REFERENCE_SOLVER,
-    "scenario": {
-        "start": "standing",
-        "duration_s": 10.0,
-        "speed_m_s": 1.1,
-        "walk_s": 1.0,
-        "push_n": 0.0,
-    },
-}
-#: Configurations of `--solver`.
-SOLVERS = {"fast": {"solver": resolve({})["solver"]}, "reference": REFERENCE_SOLVER}
 
 #: Columns of the printed table: heading, measure, decimals.
 _COLUMNS = (
@@ -69,24 +49,7 @@ _COLUMNS = (
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
     parser = new_parser(commands, "walk", "simulate one walking trial", _EXAMPLES)
-    constants = ", ".join(device.command for device in DEVICES.values())
-    add = parser.add_argument_group("what happens").add_argument
-    add("--device", choices=list(DEVICES), help="knee unit (default: damper, or the policy's)")
-    add(
-        "--controller",
-        metavar="NAME",
-        help=f"state-machine (default), constant:VALUE ({constants}) or a policy's folder",
-    )
-    add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a scenario")
-    add("--scenario", "--profile", metavar="NAME|FILE", help=f"what happens: {', '.join(SCENARIOS)}, or a file")
-    add("--mass", type=float, metavar="KG", help="mass of human and prosthesis (default: 75)")
-    add("--height", type=float, metavar="M", help="body height (default: 1.77)")
-    add("--start", choices=["standing", "cyclic"], help="default: standing, intent to walk from 1 s")
-    add("--duration", type=float, metavar="S", help="length of the trial (default: 10, or the scenario's)")
-    add("--solver", choices=sorted(SOLVERS), help="reference: converged (default); fast: as in training")
-    add("--seed", type=int, default=0, metavar="N", help="of whatever the configuration leaves to chance (default: 0)")
-    add("--config", type=Path, metavar="FILE", help="TOML file with any part of the configuration")
-    add("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help="any parameter (repeatable)")
+    add_controller_option(add_trial_options(parser))
     add = parser.add_argument_group("what comes out").add_argument
     add("--out", type=Path, metavar="FILE", help="every signal at 200 Hz, as .parquet or .csv")
     add("--plot", type=Path, metavar="FILE", help="figure of the trial, as .png, .pdf or .svg")
@@ -105,7 +68,7 @@ def add_parser(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Simulate, then write and print."""
     _check_outputs(arguments)
-    config, policy = _configure(arguments)
+    config, policy = configure(arguments)
     trial = run_trial(config, policy=policy, seed=arguments.seed)
     powers = None if arguments.window is None else mean_powers(trial, *arguments.window)
     if arguments.out:
@@ -123,65 +86,9 @@ def run(arguments: argparse.Namespace) -> None:
 def _check_outputs(arguments: argparse.Namespace) -> None:
     """Raise the errors that would otherwise come only after the simulation."""
     for path, check in ((arguments.out, check_trial_path), (arguments.plot, check_plot_path)):
-        if path is None:
-            continue
-        check(path)
-        if path.exists() and not arguments.force:
-            raise ValueError(f"{path} exists; --force overwrites it")
-    if arguments.seed < 0:
-        raise ValueError(f"--seed = {arguments.seed} must be 0 or more")
-
-
-def _configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | None]:
-    if arguments.speed is not None and arguments.scenario is not None:
-        raise ValueError(
-            f"--speed {arguments.speed} and --scenario {arguments.scenario}: a scenario has its own speeds"
-        )
-    config = DEFAULTS
-    if arguments.scenario is not None:
-        config = {section: value for section, value in DEFAULTS.items() if section != "scenario"}
-    if arguments.config:
-        config = merge(config, load_config(arguments.config))
-    if arguments.device is not None:
-        config = merge(config, {"device": {"kind": arguments.device}})
-    if arguments.mass is not None or arguments.height is not None:
-        config = merge(config, scaled_body(arguments.mass, arguments.height))
-    if arguments.scenario is not None:
-        config = merge(config, load_scenario(arguments.scenario))
-    scenario: dict[str, Any] = {}
-    if arguments.speed is not None:
-        scenario |= {"speed_m_s": arguments.speed, "profile": []}
-    if arguments.start is not None:
-        scenario["start"] = arguments.start
-    if arguments.duration is not None:
-        scenario["duration_s"] = arguments.duration
-    config = merge(config, {"scenario": scenario})
-    if arguments.solver is not None:
-        config = merge(config, SOLVERS[arguments.solver])
-    device = resolve(apply_settings(config, arguments.settings))["device"]["kind"]
-    action, policy = _controller(arguments.controller, device)
-    if policy is not None:
-        for setting in arguments.settings:
-            if setting.startswith(("action.", "observation.")):
-                raise ValueError(f"--set {setting}: the policy {arguments.controller} brings these sections with it")
-    return apply_settings(merge(config, action), arguments.settings), policy
-
-
-def _controller(name: str | None, device: str) -> tuple[dict[str, Any], Policy | None]:
-    """Return the section `action` that selects a controller of the knee unit, and the policy if it is one."""
-    kind, colon, value = (name or "").partition(":")
-    if name is None:
-        return {}, None
-    if name == "state-machine":
-        return {"action": {"mode": "state_machine"}}, None
-    if kind == "constant" and colon:
-        try:
-            return {"action": {"mode": "constant", DEVICES[device].constant_key: float(value)}}, None
-        except ValueError:
-            raise ValueError(f"--controller {name}: {value!r} is not a number") from None
-    if Path(name).is_dir():
-        return {}, Policy.load(name)
-    raise ValueError(f"--controller {name}: neither state-machine, constant:VALUE nor the folder of a policy")
+        if path is not None:
+            check(path)
+            check_overwrite(path, arguments.force)
 
 
 def _print(trial: Trial, written: list[Path]) -> None:

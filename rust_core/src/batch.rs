@@ -9,7 +9,7 @@ use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup, StepO
 use crate::error::{Error, Result};
 use crate::params::within;
 use crate::randomisation::Randomiser;
-use crate::recorder::Recorder;
+use crate::recorder::{Recorder, Row};
 use crate::reward::TERMS;
 use crate::scenario::Episode;
 use crate::simulation::{Model, Scratch};
@@ -36,6 +36,8 @@ trait Block: Send + Sync + std::fmt::Debug {
     fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches);
     fn record(&mut self, lane: usize);
     fn recording(&self) -> Option<&Recorder>;
+    fn snapshot(&self, lane: usize) -> Row;
+    fn ground_height(&self, lane: usize, x: f64) -> f64;
     fn bytes(&self) -> usize;
 }
 
@@ -88,6 +90,12 @@ macro_rules! block {
             }
             fn recording(&self) -> Option<&Recorder> {
                 self.environments.recording()
+            }
+            fn snapshot(&self, lane: usize) -> Row {
+                self.environments.snapshot(&self.model, lane)
+            }
+            fn ground_height(&self, lane: usize, x: f64) -> f64 {
+                self.model.plant.ground_height(lane, x)
             }
             fn bytes(&self) -> usize {
                 size_of::<Self>() + size_of_val(self.environments.observations())
@@ -299,10 +307,6 @@ impl Batch {
         Ok(())
     }
 
-    fn check_index(&self, index: usize) -> Result<()> {
-        within(0.0, (self.num_envs - 1) as f64).check("index", index as f64, "")
-    }
-
     /// The episode that runs in each environment.
     pub fn episodes(&self) -> impl Iterator<Item = &Episode> {
         (0..self.num_envs).filter_map(|index| self.blocks[index / self.width].episode(index % self.width))
@@ -318,6 +322,23 @@ impl Batch {
     /// What has been recorded since the last reset of the recorded environment.
     pub fn recording(&self) -> Option<&Recorder> {
         self.blocks.iter().find_map(|block| block.recording())
+    }
+
+    /// The present state of environment `index`, as a recorder would append it, less the mean powers.
+    pub fn snapshot(&self, index: usize) -> Result<Row> {
+        self.check_index(index)?;
+        Ok(self.blocks[index / self.width].snapshot(index % self.width))
+    }
+
+    /// Heights of the ground under environment `index` at the places `x`, m.
+    pub fn ground_height(&self, index: usize, x: &[f64]) -> Result<Vec<f64>> {
+        self.check_index(index)?;
+        let block = &self.blocks[index / self.width];
+        Ok(x.iter().map(|&x| block.ground_height(index % self.width, x)).collect())
+    }
+
+    fn check_index(&self, index: usize) -> Result<()> {
+        within(0.0, (self.num_envs - 1) as f64).check("index", index as f64, "")
     }
 
     fn check_length(&self, name: &str, length: usize) -> Result<()> {

@@ -14,7 +14,7 @@ use crate::math::{SPLITMIX_STEP, max, scramble, select};
 use crate::prosthesis_controller::agent::observation::{Sight, Truth};
 use crate::prosthesis_controller::agent::{ActionMap, Actuation, Actuations, ObservationMap};
 use crate::randomisation::Randomiser;
-use crate::recorder::Recorder;
+use crate::recorder::{self, Recorder, Row};
 use crate::reward::{self, Outcome, TERMS, Terms, TermsLanes};
 use crate::scenario::Episode;
 use crate::signals::GRAVITY;
@@ -224,6 +224,15 @@ impl<const L: usize> Environments<L> {
     /// What has been recorded since the last reset of the recorded lane.
     pub fn recording(&self) -> Option<&Recorder> {
         self.recorder.as_ref().map(|(_, recorder)| recorder)
+    }
+
+    /// What a recorder would append for `lane` now, less the mean powers.
+    pub fn snapshot(&self, model: &Model<L>, lane: usize) -> Row {
+        // Of a copy, so that looking at walkers can change nothing.
+        let mut simulation = self.simulation.clone();
+        let mut scratch = Scratch::new(model);
+        simulation.evaluate(model, &mut scratch);
+        recorder::snapshot(&Sampled { model, simulation: &simulation, scratch: &scratch }, lane)
     }
 
     fn observation_mut(&mut self, setup: &Setup, lane: usize) -> &mut [f32] {

@@ -7,7 +7,7 @@ use crate::signals::{CONTROL_PERIOD_S, GRAVITY};
 use crate::simulation::Sampled;
 
 /// Names of the columns, units included, in the order of every row.
-pub const COLUMNS: [&str; 58] = [
+pub const COLUMNS: [&str; 74] = [
     "time_s",
     "intent",
     "intended_speed_m_s",
@@ -66,7 +66,26 @@ pub const COLUMNS: [&str; 58] = [
     "trunk_reference_deg",
     "trunk_torque_nm_kg",
     "push_force_up_n",
+    "trunk_top_x_m",
+    "trunk_top_y_m",
+    "knee_x_m",
+    "knee_y_m",
+    "ankle_x_m",
+    "ankle_y_m",
+    "heel_x_m",
+    "heel_y_m",
+    "ball_x_m",
+    "ball_y_m",
+    "heel_force_forward_bw",
+    "heel_force_up_bw",
+    "ball_force_forward_bw",
+    "ball_force_up_bw",
+    "touch_down_foot_x_m",
+    "touch_down_foot_y_m",
 ];
+
+/// One value per column of [`COLUMNS`].
+pub type Row = [f64; COLUMNS.len()];
 
 /// A foot strike, located in time by the stepper's events; the residual one when the human reacts to it, where that takes time.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,8 +101,8 @@ pub struct FootStrike {
 /// Rows and foot strikes of one trial.
 #[derive(Clone, Debug, Default)]
 pub struct Recorder {
-    /// One value per column of [`COLUMNS`] and row.
-    pub rows: Vec<[f64; COLUMNS.len()]>,
+    /// One per control period.
+    pub rows: Vec<Row>,
     /// In the order of time.
     pub strikes: Vec<FootStrike>,
     heel_strikes: u32,
@@ -122,12 +141,17 @@ impl Recorder {
     }
 }
 
+/// The present row of `lane`, which lacks (NaN) the mean powers since the previous one.
+pub fn snapshot<const L: usize>(sampled: &Sampled<'_, L>, lane: usize) -> Row {
+    row(sampled, lane, [f64::NAN; 4])
+}
+
 /// `powers`: means since the previous row of rotor, electrical, Joule and knee power, W.
 fn row<const L: usize>(
     sampled: &Sampled<'_, L>,
     lane: usize,
     [rotor_power, electrical_power, joule_power, knee_power]: [f64; 4],
-) -> [f64; COLUMNS.len()] {
+) -> Row {
     let Sampled { model, simulation, scratch } = *sampled;
     let (plant, walkers) = (sampled.plant(), &simulation.walkers);
     let motion = simulation.state.motion.get(lane);
@@ -140,6 +164,9 @@ fn row<const L: usize>(
     let reactions = plant.reactions(lane);
     let (pendulum_foot_x, grounded) = walkers.pendulum_foot(lane);
     let [rear_load, front_load] = plant.sole_load(lane);
+    let [rear_force, front_force] = plant.sole_force(lane);
+    let skeleton = plant.skeleton(lane);
+    let waiting_foot = plant.touch_down_foot(lane);
     let socket = plant.socket(lane);
     let truth = scratch.truth.get(lane);
     let weight = body.mass * GRAVITY;
@@ -208,5 +235,21 @@ fn row<const L: usize>(
         smooth.trunk.to_degrees(),
         reactions.trunk_torque / body.mass,
         walkers.push_y[lane],
+        skeleton.trunk_top[0],
+        skeleton.trunk_top[1],
+        skeleton.knee[0],
+        skeleton.knee[1],
+        skeleton.ankle[0],
+        skeleton.ankle[1],
+        skeleton.heel[0],
+        skeleton.heel[1],
+        skeleton.ball[0],
+        skeleton.ball[1],
+        rear_force[0] / weight,
+        rear_force[1] / weight,
+        front_force[0] / weight,
+        front_force[1] / weight,
+        if grounded { f64::NAN } else { waiting_foot[0] },
+        if grounded { f64::NAN } else { waiting_foot[1] },
     ]
 }

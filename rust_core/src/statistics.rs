@@ -25,7 +25,11 @@ impl Moments {
         if count == 0.0 {
             return;
         }
-        // Sums about the present mean, lest large offsets cancel.
+        // Sums about the present mean, or else the first row, lest large offsets cancel.
+        if self.count == 0.0 {
+            let first = rows.clone().next().unwrap_or_default();
+            self.mean = first.iter().copied().map(f64::from).collect();
+        }
         let (mut sum, mut squares) = (vec![0.0; size], vec![0.0; size]);
         for row in rows {
             for component in 0..size {

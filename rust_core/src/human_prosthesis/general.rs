@@ -98,6 +98,16 @@ impl<const L: usize> GeneralModel<L> {
         let sum = |contacts: &[ContactLanes<L>]| contacts.iter().map(|contact| contact.normal[lane]).sum();
         [sum(&signals.contacts[..self.rear]), sum(&signals.contacts[self.rear..self.sole])]
     }
+
+    /// The same with direction: forward and up, N.
+    pub fn sole_force(&self, signals: &GeneralSignals<L>, lane: usize) -> [[f64; 2]; 2] {
+        [0..self.rear, self.rear..self.sole].map(|half| {
+            let points = signals.contacts[half.clone()].iter().zip(&signals.surfaces[half]);
+            points
+                .map(|(contact, surface)| point_force(&contact.get(lane), &surface.get(lane)))
+                .fold([0.0; 2], |sum, force| [sum[0] + force.x, sum[1] + force.y])
+        })
+    }
 }
 
 fn layout(config: &Config) -> Layout {

@@ -29,6 +29,8 @@ pub struct Model<const L: usize> {
     pub(super) human_params: [HumanParams; L],
     /// Contact points of the sole in the foot frame, heel and ball first, m.
     pub(super) sole: [Vec<[f64; 2]>; L],
+    /// Top of the trunk above the hip, m.
+    pub(super) trunk_top: [f64; L],
     /// Of walkers with more joints than the usual ones.
     pub(super) general: Option<Box<GeneralModel<L>>>,
 }
@@ -49,6 +51,7 @@ impl<const L: usize> Model<L> {
             ankle: AnkleLanes::splat(Ankle::from(&config.ankle)),
             human_params: std::array::from_fn(|_| config.human.clone()),
             sole: std::array::from_fn(|_| config.body.sole()),
+            trunk_top: [config.body.trunk_top_m; L],
             general: GeneralModel::new(config, body.mass),
         }
     }
@@ -67,6 +70,7 @@ impl<const L: usize> Model<L> {
         self.ankle.set(lane, Ankle::from(&config.ankle));
         self.human_params[lane].clone_from(&config.human);
         self.sole[lane] = config.body.sole();
+        self.trunk_top[lane] = config.body.trunk_top_m;
         if let Some(general) = &mut self.general {
             general.set(lane, config, body.mass);
         }

@@ -194,7 +194,7 @@ impl<'a, const L: usize> Evaluated<'a, L> {
     }
 
     /// The general walker in `lane` and its last evaluation, where it is one.
-    fn general(&self, lane: usize) -> Option<(&'a GeneralWalker, &'a Evaluation)> {
+    pub(super) fn general(&self, lane: usize) -> Option<(&'a GeneralWalker, &'a Evaluation)> {
         let (model, signals) = (self.model.general.as_ref()?, self.signals.general.as_ref()?);
         Some((&model.walkers[lane], &signals.evaluations[lane]))
     }
@@ -242,7 +242,7 @@ impl<'a, const L: usize> Evaluated<'a, L> {
     }
 
     #[inline(always)]
-    fn ground_force<const LEVEL: bool>(&self, point: usize, lane: usize) -> PointForce {
+    pub(super) fn ground_force<const LEVEL: bool>(&self, point: usize, lane: usize) -> PointForce {
         let contact = self.signals.contacts[point].get(lane);
         if LEVEL { level_force(&contact) } else { point_force(&contact, &self.signals.surfaces[point].get(lane)) }
     }

@@ -112,6 +112,15 @@ pub struct Evaluation {
 const TUBE_AFTER_KNEE: usize = 1;
 const ANKLE_AFTER_KNEE: usize = 3;
 
+/// Position and velocity of a place in a body's frame; NaN where the assumed state is not valid.
+fn place_of(work: &Evaluation, body: usize, place: Vector) -> Point {
+    if !work.valid {
+        return Point { x: f64::NAN, y: f64::NAN, vx: f64::NAN, vy: f64::NAN };
+    }
+    let ([x, y], [vx, vy]) = (work.posture.position(body, place), work.posture.velocity(body, place));
+    Point { x, y, vx, vy }
+}
+
 impl GeneralWalker {
     /// A walker with the given segments. Its contact points are heel, ball, knee, hip, the others of the sole and, if it
     /// can turn freely, the top of the trunk.
@@ -197,12 +206,13 @@ impl GeneralWalker {
 
     /// Contact point `point` in the assumed state.
     pub fn point(&self, work: &Evaluation, point: usize) -> Point {
-        if !work.valid {
-            return Point { x: f64::NAN, y: f64::NAN, vx: f64::NAN, vy: f64::NAN };
-        }
         let (body, place) = self.points[point];
-        let ([x, y], [vx, vy]) = (work.posture.position(body, place), work.posture.velocity(body, place));
-        Point { x, y, vx, vy }
+        place_of(work, body, place)
+    }
+
+    /// Ankle in the assumed state.
+    pub fn ankle_point(&self, work: &Evaluation) -> Point {
+        place_of(work, self.ankle(), [0.0; 2])
     }
 
     /// Position and velocity of knee flexion, hip and ankle (rad, rad/s) in the assumed state.

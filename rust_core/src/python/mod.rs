@@ -274,6 +274,25 @@ impl PyBatch {
         Ok(columns)
     }
 
+    /// The present state of environment `index`: one float per column of a recording, NaN for mean powers.
+    fn snapshot<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
+        let row = PyDict::new(py);
+        for (name, value) in COLUMNS.iter().zip(self.batch.snapshot(index)?) {
+            row.set_item(name, value)?;
+        }
+        Ok(row)
+    }
+
+    /// Heights (m) of the ground under environment `index` at the places `x` (N,), m.
+    fn ground_height<'py>(
+        &self,
+        py: Python<'py>,
+        index: usize,
+        x: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_vec(py, self.batch.ground_height(index, x.as_slice()?)?))
+    }
+
     fn events<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let events = PyDict::new(py);
         let strikes = self.batch.recording().map_or(&[][..], |recorder| &recorder.strikes);
