@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
@@ -40,25 +41,20 @@ class _Section:
 _PRESETS: dict[str, Callable[[str], Config]] = {"scenario": load_scenario, "reward": load_reward}
 
 
-def _with_presets_as_tables(table: Mapping[str, Any]) -> Config:
-    """Return the table with `scenario = "pushes"` in its long form, which settings can go on from."""
+def _spelt_out(table: Mapping[str, Any]) -> Config:
+    """Return the table with `scenario = "pushes"` as `scenario.preset`, which other keys of the section may go with."""
     env = table.get("env")
-    named = {key: env[key] for key in _PRESETS if isinstance(env.get(key), str)} if isinstance(env, Mapping) else {}
-    return merge(table, {"env": {key: {"preset": name} for key, name in named.items()}} if named else {})
+    named = [key for key in _PRESETS if isinstance(env.get(key), str)] if isinstance(env, Mapping) else []
+    return merge(table, {"env": {key: {"preset": table["env"][key]} for key in named}} if named else {})
 
 
 def _with_presets(env: Mapping[str, Any]) -> Config:
-    """Return the sections of [env] on top of the presets that `scenario` and `reward` name."""
-    base: Config = {}
-    sections = merge({}, env)
+    """Return the sections of [env] on top of the presets that they name."""
+    base, sections = Config(), merge({}, env)
     for key, load in _PRESETS.items():
         section = sections.get(key)
-        preset = section if isinstance(section, str) else None
-        if isinstance(section, dict):
-            preset = section.pop("preset", None)
-        if isinstance(section, str):
-            del sections[key]
-        if preset is not None:
+        if isinstance(section, dict) and "preset" in section:
+            preset = section.pop("preset")
             if not isinstance(preset, str):
                 raise ValueError(f"{key}.preset = {preset!r} must be a name or a path")
             base = merge(base, load(preset))
@@ -169,11 +165,12 @@ class Settings:
             raise ValueError(f"cannot read {path}: {error.strerror}") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"{path}: {error}") from None
-        return cls.read(apply_settings(_with_presets_as_tables(table), changes))
+        return cls.read(apply_settings(_spelt_out(table), changes))
 
     @classmethod
     def read(cls, table: Mapping[str, Any]) -> Settings:
         """Check a nested table."""
+        table = _spelt_out(table)
         if unknown := [key for key in table if key not in ("env", "ppo", "policy", "training")]:
             raise ValueError(f"unknown key {unknown[0]}; expected one of env, ppo, policy, training")
         overrides = dict(_section("env", table.get("env", {})))
@@ -194,7 +191,7 @@ class Settings:
             )
         policy = PolicySettings.read("policy", table.get("policy", {}))
         training = TrainingSettings.read("training", table.get("training", {}))
-        return cls(num_envs, env, ppo, policy, training, dict(table))
+        return cls(num_envs, env, ppo, policy, training, table)
 
     def to_toml(self) -> str:
         """Write what the file and the command line said as one TOML text."""
@@ -206,16 +203,20 @@ class Settings:
 def _write_section(lines: list[str], path: list[str], table: Mapping[str, Any]) -> None:
     values = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     if path and (values or not table):
-        lines += ["", f"[{'.'.join(path)}]"]
-    lines += [f"{key} = {_toml(value)}" for key, value in values.items()]
+        lines += ["", f"[{'.'.join(map(_toml_key, path))}]"]
+    lines += [f"{_toml_key(key)} = {_toml(value)}" for key, value in values.items()]
     for key, value in table.items():
         if isinstance(value, Mapping):
             _write_section(lines, [*path, key], value)
 
 
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch("[A-Za-z0-9_-]+", key) else json.dumps(key)
+
+
 def _toml(value: Any) -> str:  # noqa: ANN401 - any TOML value
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + " }"
+        return "{ " + ", ".join(f"{_toml_key(key)} = {_toml(entry)}" for key, entry in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
     # JSON spells strings, booleans and finite numbers as TOML does.
