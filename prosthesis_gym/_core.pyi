@@ -85,6 +85,10 @@ class Step:
         """(N,): reset in this step."""
 
     @property
+    def eventful(self) -> bool:
+        """Whether any environment was reset or ended in this step."""
+
+    @property
     def final_observations(self) -> NDArray[np.float32] | None:
         """(N, D) with autoreset "same_step": the rows that count are those of `started`."""
 

@@ -68,6 +68,7 @@ class Step:
     terms: NDArray[np.float64]
     reasons: NDArray[np.uint8]
     started: NDArray[np.bool_]
+    eventful: bool
     final_observations: NDArray[np.float32] | None
     episode_returns: NDArray[np.float64]
     episode_steps: NDArray[np.uint32]
@@ -144,6 +145,7 @@ class RewardTerms:
             terms=np.hstack([step.terms, values]),
             reasons=step.reasons,
             started=started,
+            eventful=step.eventful,
             final_observations=None if finals is None else self.visible(finals),
             episode_returns=step.episode_returns + self._returns,
             episode_steps=step.episode_steps,

@@ -33,10 +33,10 @@ def env_steps_per_s(config: Mapping[str, Any]) -> int:
 
 
 def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return actions as a flat float64 array.
+    """Return actions as a flat float64 array; that they are finite, the core checks.
 
     Raises:
-        ValueError: wrong shape, not floating point, or not finite.
+        ValueError: wrong shape or not floating point.
 
     """
     array = np.asarray(actions)
@@ -44,9 +44,6 @@ def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64
         raise ValueError(f"actions have dtype {array.dtype}, must be float32 or float64")
     if array.shape != shape:
         raise ValueError(f"actions have shape {array.shape}, must be {shape}")
-    if not np.isfinite(array).all():
-        index = int(np.flatnonzero(~np.isfinite(array).reshape(-1))[0])
-        raise ValueError(f"actions[{index}] = {array.reshape(-1)[index]} must be a finite number in [-1, 1]")
     return array.astype(np.float64).reshape(-1)
 
 
@@ -118,6 +115,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         }
         self._seeded = False
         self._all = np.ones(num_envs, dtype=np.bool_)
+        self._term_masks = dict.fromkeys((f"_{name}" for name in self.walkers.terms.names), self._all)
 
     @property
     def observation_groups(self) -> dict[str, NDArray[np.intp]]:
@@ -248,12 +246,16 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         step = self.walkers.step(flat)
         if self.rendering is not None:
             self.rendering.step()
-        names = self.walkers.terms.names
-        terms, reasons, finals, started = step.terms, step.reasons, step.final_observations, step.started
-        if finals is not None and started.any():
-            infos = _same_step_infos(names, terms, reasons, finals, started)
+        names, terms = self.walkers.terms.names, step.terms
+        if not step.eventful:
+            named = dict(zip(names, terms.T, strict=True)) | self._term_masks
+            infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": self._all}
         else:
-            infos = _infos(names, terms, reasons, ~started)
+            reasons, finals, started = step.reasons, step.final_observations, step.started
+            if finals is not None:
+                infos = _same_step_infos(names, terms, reasons, finals, started)
+            else:
+                infos = _infos(names, terms, reasons, ~started)
         return step.observations, step.rewards, step.terminated, step.truncated, infos
 
     def render(self) -> tuple[Frame, ...] | None:

@@ -145,7 +145,7 @@ def guard() -> None:
 def measure_peers(seconds: float, threads: int) -> dict[str, float]:
     """Env steps per second of other simulators, as far as they are installed."""
     simulators: dict[str, Callable[[], float]] = {
-        "MuJoCo rollout, the same mechanism": lambda: peers.mujoco_rollout(seconds, threads),
+        "MuJoCo rollout, the same mechanism, 0.5 ms": lambda: peers.mujoco_rollout(seconds, threads),
         "Gymnasium Walker2d-v5, one environment": lambda: peers.gymnasium_walker2d(seconds),
         "EnvPool Walker2d-v4": lambda: peers.envpool_walker2d(seconds, threads),
     }
@@ -153,6 +153,10 @@ def measure_peers(seconds: float, threads: int) -> dict[str, float]:
     for name, rate in simulators.items():
         with contextlib.suppress(ModuleNotFoundError):
             rates[name] = rate()
+    with contextlib.suppress(ModuleNotFoundError):
+        step_s = peers.mujoco_step_of(peers.STEADY_ERROR)
+        name = f"the same at our steady error of {peers.STEADY_ERROR:.2%}, {1e3 * step_s:g} ms"
+        rates[name] = peers.mujoco_rollout(seconds, threads, step_s)
     return rates
 
 

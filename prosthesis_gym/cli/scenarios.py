@@ -18,7 +18,7 @@ examples:
   prosthesis-gym scenarios --episodes 256                falls of each knee's state machine in each
   prosthesis-gym scenarios my_scenario.toml --episodes 512 --device damper
 
-A cell is the share of held-out episodes that ended in a fall, with its 95 % interval.
+A cell is the share of held-out episodes that ended in a fall, with its 95 % interval in per cent.
 """
 
 
@@ -54,4 +54,4 @@ def run(arguments: argparse.Namespace) -> None:
 def _falls(scenario: str, device: str, episodes: int) -> str:
     result = evaluate(None, {"device": {"kind": device}}, scenario=scenario, episodes=episodes)
     low, high = result.interval
-    return f"{result.fall_rate:.1%} ({low:.1%} to {high:.1%})"
+    return f"{result.fall_rate:.1%} ({100 * low:.0f}-{100 * high:.0f})"

@@ -238,7 +238,8 @@ impl Batch {
             return Err(Error::Invalid(reason));
         }
         if let Some(index) = actions.iter().position(|action| !action.is_finite()) {
-            within(-1.0, 1.0).check(&format!("actions[{index}]"), actions[index], "")?;
+            let reason = format!("actions[{index}] = {} must be a finite number in [-1, 1]", actions[index]);
+            return Err(Error::Invalid(reason));
         }
         if self.setup.autoreset == Autoreset::Disabled
             && let Some(index) = (0..self.num_envs).find(|i| self.blocks[i / self.width].ended(i % self.width))

@@ -75,18 +75,19 @@ def test_a_batch_is_its_single_environments(env_id: str, scenario: str, mode: Au
     chosen = [4, 11]
     makers = [lambda: gymnasium.make(env_id, scenario=scenario, config=CONFIG)] * 2
     singles = SyncVectorEnv(makers, autoreset_mode=mode)
-    ours, _ = batch.reset(seed=10)
+    ours: Any = batch.reset(seed=10)[0]
     theirs, _ = singles.reset(seed=[10 + index for index in chosen])
     np.testing.assert_array_equal(ours[chosen], theirs)
     ends = 0
     for action in actions:
-        mine, reference = batch.step(action), singles.step(action[chosen])
+        mine: Any = batch.step(action)
+        reference = singles.step(action[chosen])
         for part in range(4):
             np.testing.assert_array_equal(mine[part][chosen], reference[part])
         ended = mine[2] | mine[3]
         ends += int(ended[chosen].sum())
         if mode == AutoresetMode.DISABLED and ended.any():
-            ours, _ = batch.reset(options={"reset_mask": ended})
+            ours = batch.reset(options={"reset_mask": ended})[0]
             if ended[chosen].any():
                 theirs, _ = singles.reset(options={"reset_mask": ended[chosen]})
                 np.testing.assert_array_equal(ours[chosen], theirs)

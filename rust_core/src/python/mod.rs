@@ -57,6 +57,7 @@ struct PyStep {
     terms: Py<PyArray2<f64>>,
     reasons: Py<PyArray1<u8>>,
     started: Py<PyArray1<bool>>,
+    eventful: bool,
     final_observations: Option<Py<PyArray2<f32>>>,
     episode_returns: Py<PyArray1<f64>>,
     episode_steps: Py<PyArray1<u32>>,
@@ -132,6 +133,7 @@ impl PyBatch {
         let episode_returns = zeros::<f64>(py, count);
         let episode_steps = zeros::<u32>(py, count);
         let episode_terms = PyArray2::<f64>::zeros(py, [count, TERMS.len()], false);
+        let eventful;
         {
             let actions = actions.as_slice()?;
             let mut observations = observations.readwrite();
@@ -160,6 +162,7 @@ impl PyBatch {
             };
             let batch = &mut self.batch;
             py.detach(|| batch.step(actions, output))?;
+            eventful = started.as_slice()?.contains(&true) || reasons.as_slice()?.iter().any(|&reason| reason != 0);
         }
         Ok(PyStep {
             observations: observations.unbind(),
@@ -169,6 +172,7 @@ impl PyBatch {
             terms: terms.unbind(),
             reasons: reasons.unbind(),
             started: started.unbind(),
+            eventful,
             final_observations: finals.map(Bound::unbind),
             episode_returns: episode_returns.unbind(),
             episode_steps: episode_steps.unbind(),
