@@ -22,7 +22,7 @@ class RewardTerm:
     >>> RewardTerm("upright", -0.1, lambda channels: channels["true_trunk_angle_rad"] ** 2, groups=("privileged",))
 
     Raises:
-        ValueError: no name, or a weight that is not finite.
+        ValueError: no name, one that infos need for its mask, or a weight that is not finite.
 
     """
 
@@ -37,8 +37,11 @@ class RewardTerm:
     groups: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        if not self.name:
-            raise ValueError("a reward term needs a name")
+        if not self.name or self.name.startswith("_"):
+            raise ValueError(f"name = {self.name!r} of a reward term must not be empty, nor begin with an underscore")
+        if isinstance(self.groups, str):
+            message = f"groups = {self.groups!r} of reward term {self.name!r} must be a list of names"
+            raise ValueError(message)  # noqa: TRY004 - bad input is a ValueError throughout
         if not np.isfinite(self.weight):
             raise ValueError(f"weight = {self.weight} of reward term {self.name!r} must be finite")
 
@@ -106,7 +109,6 @@ class RewardTerms:
         self._channels = [channel[0] for channel in _core.channels(self.core_config)]
         self._seen = len(_core.channels(config))
         self._frames: int = config["observation"]["frames"]
-        self._weights = np.array([term.weight for term in terms])
         self._sums = np.zeros((num_envs, len(terms)))
         self._returns = np.zeros(num_envs)
 
@@ -130,9 +132,13 @@ class RewardTerms:
         counted = ~started if finals is None else np.ones_like(started)
         judged = step.observations if finals is None else np.where(started[:, None], finals, step.observations)
         newest = judged[:, : len(self._channels)].T.astype(np.float64)
+        newest.flags.writeable = False
         channels = dict(zip(self._channels, newest, strict=True))
         values = np.stack([term.values(channels, counted) for term in self.terms], axis=1)
-        gained = values @ self._weights
+        # Not a matrix product, whose rounding depends on how many walkers there are.
+        gained = np.zeros(len(started))
+        for term, column in zip(self.terms, values.T, strict=True):
+            gained += term.weight * column
         self._sums += values
         self._returns += gained
         ended = step.terminated | step.truncated

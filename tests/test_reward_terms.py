@@ -1,6 +1,6 @@
 """Rewards: presets of weights, and terms of one's own in every kind of environment."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -220,11 +220,13 @@ def test_what_a_term_must_not_give_is_refused_by_its_name(function: Callable[...
         ([("fall", 1.0, ())], "'fall' is built in"),
         ([("mine", 1.0, ()), ("mine", 2.0, ())], "'mine' is given twice"),
         ([("mine", float("inf"), ())], "weight = inf of reward term 'mine'"),
-        ([("", 1.0, ())], "needs a name"),
+        ([("", 1.0, ())], "must not be empty"),
+        ([("_fall", 1.0, ())], "name = '_fall' of a reward term must not"),
+        ([("mine", 1.0, "thigh")], "groups = 'thigh' of reward term 'mine' must be a list"),
         ([("mine", 1.0, ("truth",))], "truth"),
     ],
 )
-def test_impossible_terms_are_refused(terms: list[tuple[str, float, tuple[str, ...]]], complaint: str) -> None:
+def test_impossible_terms_are_refused(terms: list[tuple[str, float, Sequence[str]]], complaint: str) -> None:
     with pytest.raises(ValueError, match=complaint):
         ProsthesisVectorEnv(
             2, reward_terms=[RewardTerm(name, weight, lambda _: np.zeros(2), groups) for name, weight, groups in terms]
