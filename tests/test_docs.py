@@ -1,4 +1,4 @@
-"""What the documentation shows, works: its Python runs, its commands parse."""
+"""What the documentation shows, works: its Python runs, its commands parse, its tables are those of the code."""
 
 import re
 import shlex
@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from _pytest.mark import ParameterSet
 
+from docs.generate import COMMAND, generate, stale_pages
+from docs.tables import TABLES
 from prosthesis_gym.cli import new_parser
 
 ROOT = Path(__file__).parents[1]
@@ -61,3 +63,37 @@ def test_command_parses_and_its_files_exist(command: list[str]) -> None:
     for word in command:
         if word.startswith(("configs/", "examples/")):
             assert (ROOT / word).exists()
+
+
+def test_generated_tables_are_up_to_date() -> None:
+    stale = [str(page.relative_to(ROOT)) for page in stale_pages()]
+    assert not stale, f"out of date: {', '.join(stale)}; run: {COMMAND}"
+
+
+def test_every_generated_table_stands_in_a_page() -> None:
+    text = "".join(page.read_text(encoding="utf-8") for page in DOCUMENTS)
+    assert sorted(re.findall(r"^<!-- begin generated: (\S+) -->$", text, re.MULTILINE)) == sorted(TABLES)
+
+
+def test_generation_replaces_what_is_between_the_markers_alone() -> None:
+    page = "above\n<!-- begin generated: reward -->\nold\n<!-- end generated: reward -->\nbelow\n"
+    new = generate(page)
+    assert new.startswith("above\n<!-- begin")
+    assert new.endswith("<!-- end generated: reward -->\nbelow\n")
+    assert "old" not in new
+    assert "`stance_buckling`" in new
+    assert generate(new) == new
+
+
+@pytest.mark.parametrize(
+    ("page", "named"),
+    [
+        ("<!-- begin generated: reward -->\n", "reward"),
+        ("<!-- begin generated: reward -->\n<!-- end generated: reasons -->\n", "reward"),
+        ("<!-- end generated: reward -->\n<!-- begin generated: reward -->\n", "reward"),
+        ("<!-- begin generated: weather -->\n<!-- end generated: weather -->\n", "weather"),
+    ],
+)
+def test_wrong_markers_are_named(page: str, named: str) -> None:
+    with pytest.raises(ValueError, match=named):
+        generate(page)

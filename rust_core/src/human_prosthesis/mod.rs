@@ -159,6 +159,7 @@ impl<const L: usize> HumanProsthesis<'_, L> {
             if self.steps(state, lane) {
                 self.step_transition(state, lane);
             }
+            self.walkers.at_stop[lane] = self.reaches_stop(lane);
             if unit[lane] {
                 let (rotor, direction, signals) = self.model.unit.transition(lane, &self.unit_inputs(state));
                 state.rotor.set(lane, rotor);
@@ -166,6 +167,11 @@ impl<const L: usize> HumanProsthesis<'_, L> {
                 self.signals.motor.set(lane, signals);
             }
         }
+    }
+
+    #[inline(always)]
+    fn reaches_stop(&self, lane: usize) -> bool {
+        self.signals.joint.flexion[lane] < self.model.end_stop.extension[lane]
     }
 
     fn step_transition(&mut self, state: &State<L>, lane: usize) {
@@ -286,17 +292,20 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
     fn fired(&self, state: &State<L>) -> [bool; L] {
         let mut fired = self.model.unit.fired(&self.unit_inputs(state));
         for lane in 0..L {
-            fired[lane] |= self.steps(state, lane);
+            let moves = self.reaches_stop(lane) != self.walkers.at_stop[lane];
+            fired[lane] |= self.steps(state, lane) | moves;
         }
         fired
     }
 
-    /// The human's; a rotor that stops or breaks away within a step of a millisecond may do so at its end.
+    /// The human's, and the impact on the extension stop, which is a jump of its torque; a knee that leaves the stop and a rotor
+    /// that stops or breaks away may do so at the end of a step of a millisecond.
     #[inline(always)]
     fn urgent(&self, state: &State<L>, fired: &[bool; L]) -> [bool; L] {
         let mut urgent = *fired;
         for lane in 0..L {
-            urgent[lane] &= self.steps(state, lane);
+            let impact = self.reaches_stop(lane) & !self.walkers.at_stop[lane];
+            urgent[lane] &= self.steps(state, lane) | impact;
         }
         urgent
     }

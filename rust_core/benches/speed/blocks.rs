@@ -1,0 +1,420 @@
+//! Equations of single blocks on inputs from a steady walk.
+
+use criterion::Criterion;
+use serde_json::{Value, json};
+
+use prosthesis_gym_core::compliant_ground::{
+    ContactLanes, Ground, GroundLanes, GroundParams, contact, deformation_rate,
+};
+use prosthesis_gym_core::config::Config;
+use prosthesis_gym_core::human_controller::gait_fsm::Memory;
+use prosthesis_gym_core::human_controller::impedance::{ImpedanceTorqueLanes, impedance};
+use prosthesis_gym_core::human_controller::reference::{Filter, Reference, ReferenceLanes, rough_thigh};
+use prosthesis_gym_core::human_controller::slip_leg::{TrunkForceLanes, trunk_force};
+use prosthesis_gym_core::human_controller::variation::HumanVariation;
+use prosthesis_gym_core::human_controller::{
+    Drive, DriveLanes, Human, HumanLanes, HumanParams, Individual, LegGeometry,
+};
+use prosthesis_gym_core::hybrid_dynamics::body::{Body, BodyLanes, BodyParams};
+use prosthesis_gym_core::hybrid_dynamics::walker::{
+    self, AccelerationLanes, JointTorque, Kinematics, KinematicsLanes, Loads, Motion, MotionLanes, PointForce,
+    PointForceLanes, PointLanes, PrescribedLanes,
+};
+use prosthesis_gym_core::prosthesis_device::end_stop::{
+    EndStop, EndStopLanes, EndStopParams, extension_stop, flexion_stop,
+};
+use prosthesis_gym_core::prosthesis_device::geared_motor::{MotorSignalsLanes, RotorLanes};
+use prosthesis_gym_core::prosthesis_device::{DeviceKind, JointMotionLanes, KneeUnit, UnitInputs, UnitTorqueLanes};
+use prosthesis_gym_core::sensors::{self, SensorParams, Sensors};
+use prosthesis_gym_core::signals::{MeasurandLanes, ReadingsLanes};
+
+use crate::walk::{Block, LANES, Moment, blocks, compare, config, stride};
+
+/// Length of an implicit stage, s.
+const STEP_S: f64 = 1e-3;
+
+/// Every block of the walker.
+pub fn all(criterion: &mut Criterion) {
+    let walk = stride(DeviceKind::Damper);
+    compare(criterion, "hybrid dynamics", Dynamics::<1>::new(&walk), Dynamics::<LANES>::new(&walk));
+    compare(criterion, "ground contact", Contacts::<1>::new(&walk), Contacts::<LANES>::new(&walk));
+    compare(criterion, "end stops", EndStops::<1>::new(&walk), EndStops::<LANES>::new(&walk));
+    for kind in [DeviceKind::Damper, DeviceKind::Motor, DeviceKind::Friction] {
+        let walk = stride(kind);
+        let name = format!("knee unit/{kind:?}").to_lowercase();
+        compare(criterion, &name, Units::<1>::new(kind, &walk), Units::<LANES>::new(kind, &walk));
+    }
+    compare(criterion, "human references", References::<1>::new(&walk), References::<LANES>::new(&walk));
+    compare(criterion, "intact leg", IntactLegs::<1>::new(&walk), IntactLegs::<LANES>::new(&walk));
+    for (name, params) in [("sensors/default", SensorParams::default()), ("sensors/imperfect", imperfect())] {
+        compare(criterion, name, Sampling::<1>::new(&params, &walk), Sampling::<LANES>::new(&params, &walk));
+    }
+}
+
+/// Columns of what moments have, made by their `set`.
+macro_rules! columns {
+    ($Columns:ident, $moments:expr, |$moment:ident| $value:expr) => {{
+        let mut columns = $Columns::<L>::default();
+        for (lane, $moment) in $moments.into_iter().enumerate() {
+            columns.set(lane, $value);
+        }
+        columns
+    }};
+}
+
+/// Kinematics and one linearly implicit solution of the equations of motion.
+struct Dynamics<const L: usize> {
+    motion: MotionLanes<L>,
+    trunk: PrescribedLanes<L>,
+    heel: PointForceLanes<L>,
+    ball: PointForceLanes<L>,
+    kinematics: KinematicsLanes<L>,
+    acceleration: AccelerationLanes<L>,
+}
+
+impl<const L: usize> Dynamics<L> {
+    fn new(walk: &[Moment]) -> (BodyLanes<L>, Vec<Self>) {
+        let force = |moment: &Moment, point: usize| {
+            let contact = moment.contacts[point];
+            PointForce {
+                x: contact.tangential,
+                y: contact.normal,
+                damping_x: contact.tangential_damping,
+                damping_y: contact.normal_damping,
+                stiffness_x: contact.tangential_stiffness,
+                stiffness_y: contact.normal_stiffness,
+                sin: 0.0,
+                cos: 1.0,
+            }
+        };
+        let block = |moments: [&Moment; L]| Self {
+            motion: columns!(MotionLanes, moments, |moment| moment.motion),
+            trunk: columns!(PrescribedLanes, moments, |moment| moment.trunk),
+            heel: columns!(PointForceLanes, moments, |moment| force(moment, 0)),
+            ball: columns!(PointForceLanes, moments, |moment| force(moment, 1)),
+            kinematics: KinematicsLanes::default(),
+            acceleration: AccelerationLanes::default(),
+        };
+        (BodyLanes::splat(Body::from(&BodyParams::default())), blocks(walk, block))
+    }
+
+    /// Loads of usual size beside those of the ground.
+    #[inline(always)]
+    fn loads(heel: PointForce, ball: PointForce) -> Loads {
+        Loads {
+            trunk_x: 20.0,
+            trunk_y: 300.0,
+            knee_x: 0.0,
+            knee_y: 0.0,
+            hip: JointTorque { torque: 50.0, damping: 100.0, stiffness: 2000.0 },
+            hip_error_rate: 0.1,
+            knee: JointTorque { torque: 10.0, damping: 20.0, stiffness: 2.0 },
+            ankle: JointTorque { torque: -40.0, damping: 1.0, stiffness: 450.0 },
+            heel,
+            ball,
+        }
+    }
+}
+
+impl<const L: usize> Block for Dynamics<L> {
+    type Constants = BodyLanes<L>;
+
+    #[inline(always)]
+    fn run(&mut self, body: &BodyLanes<L>) {
+        for lane in 0..L {
+            let kinematics: Kinematics =
+                walker::kinematics(&body.get(lane), &self.motion.get(lane), self.trunk.angle[lane]);
+            self.kinematics.set(lane, kinematics);
+        }
+        for lane in 0..L {
+            let acceleration = walker::acceleration::<true>(
+                &body.get(lane),
+                &self.kinematics.get(lane),
+                &self.motion.get(lane),
+                &self.trunk.get(lane),
+                &Self::loads(self.heel.get(lane), self.ball.get(lane)),
+                STEP_S,
+            );
+            self.acceleration.set(lane, acceleration);
+        }
+    }
+}
+
+/// Heel and ball on the ground, and the rate of its deformation.
+struct Contacts<const L: usize> {
+    /// Heel, then ball.
+    points: [PointLanes<L>; 2],
+    deformations: [[f64; L]; 2],
+    contacts: [ContactLanes<L>; 2],
+    deformation_rates: [[f64; L]; 2],
+}
+
+impl<const L: usize> Contacts<L> {
+    fn new(walk: &[Moment]) -> (GroundLanes<L>, Vec<Self>) {
+        let point = |moments: [&Moment; L], index: usize| columns!(PointLanes, moments, |moment| moment.points[index]);
+        let block = |moments: [&Moment; L]| Self {
+            points: [point(moments, 0), point(moments, 1)],
+            deformations: [0, 1].map(|index| moments.map(|moment| moment.deformations[index])),
+            contacts: [ContactLanes::default(), ContactLanes::default()],
+            deformation_rates: [[0.0; L]; 2],
+        };
+        (GroundLanes::splat(Ground::from(&GroundParams::default())), blocks(walk, block))
+    }
+}
+
+impl<const L: usize> Block for Contacts<L> {
+    type Constants = GroundLanes<L>;
+
+    #[inline(always)]
+    fn run(&mut self, ground: &GroundLanes<L>) {
+        for index in 0..2 {
+            for lane in 0..L {
+                let (point, deformation) = (self.points[index].get(lane), self.deformations[index][lane]);
+                let contact = contact(&ground.get(lane), point.y, point.vx, point.vy, deformation);
+                self.contacts[index].set(lane, contact);
+            }
+            for lane in 0..L {
+                let (contact, vx) = (self.contacts[index].get(lane), self.points[index].vx[lane]);
+                let deformation = self.deformations[index][lane];
+                self.deformation_rates[index][lane] =
+                    deformation_rate(&ground.get(lane), &contact, deformation, vx, STEP_S);
+            }
+        }
+    }
+}
+
+/// Both end stops of the knee.
+struct EndStops<const L: usize> {
+    knee: JointMotionLanes<L>,
+    torque: UnitTorqueLanes<L>,
+}
+
+impl<const L: usize> EndStops<L> {
+    fn new(walk: &[Moment]) -> (EndStopLanes<L>, Vec<Self>) {
+        let block = |moments: [&Moment; L]| Self {
+            knee: columns!(JointMotionLanes, moments, |moment| moment.knee),
+            torque: UnitTorqueLanes::default(),
+        };
+        (EndStopLanes::splat(EndStop::from(&EndStopParams::default())), blocks(walk, block))
+    }
+}
+
+impl<const L: usize> Block for EndStops<L> {
+    type Constants = EndStopLanes<L>;
+
+    #[inline(always)]
+    fn run(&mut self, stop: &EndStopLanes<L>) {
+        for lane in 0..L {
+            let (stop, knee) = (stop.get(lane), self.knee.get(lane));
+            let extension = extension_stop(&stop, knee.flexion, knee.flexion_rate);
+            let flexion = flexion_stop(&stop, knee.flexion, knee.flexion_rate);
+            self.torque.torque[lane] = flexion.torque - extension.torque;
+            self.torque.damping[lane] = extension.damping + flexion.damping;
+            self.torque.stiffness[lane] = extension.stiffness + flexion.stiffness;
+        }
+    }
+}
+
+/// A knee unit: its signals, guards, torques and rates.
+struct Units<const L: usize> {
+    knee: JointMotionLanes<L>,
+    rotor: RotorLanes<L>,
+    direction: [f64; L],
+    command: [f64; L],
+    signals: MotorSignalsLanes<L>,
+    torques: UnitTorqueLanes<L>,
+    rates: RotorLanes<L>,
+    fired: [bool; L],
+}
+
+impl<const L: usize> Units<L> {
+    fn new(kind: DeviceKind, walk: &[Moment]) -> (KneeUnit<L>, Vec<Self>) {
+        let block = |moments: [&Moment; L]| Self {
+            knee: columns!(JointMotionLanes, moments, |moment| moment.knee),
+            rotor: columns!(RotorLanes, moments, |moment| moment.rotor),
+            direction: moments.map(|moment| moment.rotor.rate.signum()),
+            command: moments.map(|moment| moment.command),
+            signals: MotorSignalsLanes::default(),
+            torques: UnitTorqueLanes::default(),
+            rates: RotorLanes::default(),
+            fired: [false; L],
+        };
+        (KneeUnit::new(&config(kind)), blocks(walk, block))
+    }
+}
+
+impl<const L: usize> Block for Units<L> {
+    type Constants = KneeUnit<L>;
+
+    #[inline(always)]
+    fn run(&mut self, unit: &KneeUnit<L>) {
+        const FLEXION_ACCELERATION_RAD_S2: f64 = 10.0;
+        unit.sense(&self.knee, &self.rotor, &self.command, &mut self.signals);
+        let at = UnitInputs {
+            joint: &self.knee,
+            rotor: &self.rotor,
+            direction: &self.direction,
+            motor: &self.signals,
+            command: &self.command,
+        };
+        unit.torques(&at, &[STEP_S; L], &mut self.torques);
+        unit.rates(&at, &[FLEXION_ACCELERATION_RAD_S2; L], &[STEP_S; L], &mut self.rates);
+        self.fired = unit.fired(&at);
+    }
+}
+
+/// The paper's human in a cyclic step at 1.1 m/s.
+fn human() -> (Human, Drive) {
+    let leg =
+        LegGeometry { mass: 75.0, trunk_mass: 62.5, leg_length: 0.92, touch_down_height: 0.86, foot_length: 0.175 };
+    let (human, params) = (Human::from(leg), HumanParams::default());
+    let drive = Memory::cyclic(&params, 1.1).drive(&human, &Individual::new(&params, HumanVariation::default()));
+    (human, drive)
+}
+
+/// Templates of thigh and trunk, their filters, and the hip's impedance about what comes out.
+struct References<const L: usize> {
+    time: [f64; L],
+    hip: [f64; L],
+    hip_rate: [f64; L],
+    smooth: ReferenceLanes<L>,
+    rates: ReferenceLanes<L>,
+    torque: ImpedanceTorqueLanes<L>,
+}
+
+impl<const L: usize> References<L> {
+    fn new(walk: &[Moment]) -> (DriveLanes<L>, Vec<Self>) {
+        let block = |moments: [&Moment; L]| Self {
+            time: moments.map(|moment| moment.time_s - walk[0].time_s),
+            hip: moments.map(|moment| moment.hip[0]),
+            hip_rate: moments.map(|moment| moment.hip[1]),
+            smooth: columns!(ReferenceLanes, moments, |moment| Reference {
+                trunk: moment.trunk.angle,
+                trunk_rate: moment.trunk.rate,
+                hip: moment.hip[0],
+                hip_rate: moment.hip[1],
+            }),
+            rates: ReferenceLanes::default(),
+            torque: ImpedanceTorqueLanes::default(),
+        };
+        (DriveLanes::splat(human().1), blocks(walk, block))
+    }
+}
+
+impl<const L: usize> Block for References<L> {
+    type Constants = DriveLanes<L>;
+
+    #[inline(always)]
+    fn run(&mut self, drive: &DriveLanes<L>) {
+        for lane in 0..L {
+            let (drive, smooth) = (drive.get(lane), self.smooth.get(lane));
+            let thigh = rough_thigh(&drive, self.time[lane]);
+            let filter = Filter::new(&drive, STEP_S);
+            let trunk_rate = filter.acceleration(drive.trunk, smooth.trunk, smooth.trunk_rate);
+            let hip_rate = filter.acceleration(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
+            let rates = Reference {
+                trunk: smooth.trunk_rate + STEP_S * trunk_rate,
+                trunk_rate,
+                hip: smooth.hip_rate + STEP_S * hip_rate,
+                hip_rate,
+            };
+            self.rates.set(lane, rates);
+            let (error, error_rate) = (smooth.hip - self.hip[lane], smooth.hip_rate - self.hip_rate[lane]);
+            let torque = impedance(drive.hip_stiffness, drive.hip_damping, drive.hip_limit, error, error_rate);
+            self.torque.set(lane, torque);
+        }
+    }
+}
+
+/// Pendulum, thrust and lift of the intact leg.
+struct IntactLegs<const L: usize> {
+    time: [f64; L],
+    motion: MotionLanes<L>,
+    force: TrunkForceLanes<L>,
+}
+
+impl<const L: usize> IntactLegs<L> {
+    fn new(walk: &[Moment]) -> ((HumanLanes<L>, DriveLanes<L>), Vec<Self>) {
+        let (human, drive) = human();
+        let start_x = walk[0].motion.hip_x;
+        let block = |moments: [&Moment; L]| Self {
+            time: moments.map(|moment| moment.time_s - walk[0].time_s),
+            motion: columns!(MotionLanes, moments, |moment| Motion {
+                hip_x: moment.motion.hip_x - start_x,
+                ..moment.motion
+            }),
+            force: TrunkForceLanes::default(),
+        };
+        ((HumanLanes::splat(human), DriveLanes::splat(drive)), blocks(walk, block))
+    }
+}
+
+impl<const L: usize> Block for IntactLegs<L> {
+    type Constants = (HumanLanes<L>, DriveLanes<L>);
+
+    #[inline(always)]
+    fn run(&mut self, (human, drive): &(HumanLanes<L>, DriveLanes<L>)) {
+        for lane in 0..L {
+            let Motion { hip_x, hip_y, hip_vx, hip_vy, .. } = self.motion.get(lane);
+            let force = trunk_force(&human.get(lane), &drive.get(lane), hip_x, hip_y, hip_vx, hip_vy, self.time[lane]);
+            self.force.set(lane, force);
+        }
+    }
+}
+
+/// A sample of all sensors.
+struct Sampling<const L: usize> {
+    sensors: Sensors<L>,
+    truth: MeasurandLanes<L>,
+    readings: ReadingsLanes<L>,
+}
+
+impl<const L: usize> Sampling<L> {
+    fn new(params: &SensorParams, walk: &[Moment]) -> (sensors::Model<L>, Vec<Self>) {
+        let model = sensors::Model::new(params);
+        let block = |moments: [&Moment; L]| {
+            let mut sampling = Self {
+                sensors: Sensors::default(),
+                truth: columns!(MeasurandLanes, moments, |moment| moment.truth),
+                readings: ReadingsLanes::default(),
+            };
+            sampling.sensors.seed = std::array::from_fn(|lane| lane as u64);
+            sampling.sensors.start(&model, &[true; L], &sampling.truth, &mut sampling.readings);
+            sampling
+        };
+        let blocks = blocks(walk, block);
+        (model, blocks)
+    }
+}
+
+impl<const L: usize> Block for Sampling<L> {
+    type Constants = sensors::Model<L>;
+
+    #[inline(always)]
+    fn run(&mut self, model: &sensors::Model<L>) {
+        self.sensors.sample(model, &self.truth, &mut self.readings);
+    }
+}
+
+/// Every sensor with every imperfection.
+fn imperfect() -> SensorParams {
+    let imperfections = json!({
+        "resolution": 1e-3, "noise": 1e-2, "bias": 1e-2, "delay_samples": 2, "drop_out": 0.01, "saturation": 10.0,
+    });
+    let sensors = [
+        "knee_encoder",
+        "tube_force",
+        "tube_moment",
+        "ankle_moment",
+        "shank_inclination",
+        "shank_rate",
+        "shank_specific_force",
+        "thigh_rate",
+        "thigh_specific_force",
+        "motor_position",
+        "motor_speed",
+        "motor_current",
+    ];
+    let sensors: Value = sensors.into_iter().map(|sensor| (sensor.to_owned(), imperfections.clone())).collect();
+    Config::from_deserializer(json!({"sensors": sensors})).expect("imperfections lie in their ranges").sensors
+}
