@@ -2,8 +2,9 @@
 
     python examples/evaluate.py
     python examples/evaluate.py --episodes 2048 --policy runs/damper_ppo/policy
+    python examples/evaluate.py --scenario everything
 
-All meet the same held-out episodes: a speed from 0.8 to 1.5 m/s, changed once, and a push of up to 300 N.
+All meet the same held-out episodes: by default a speed from 0.8 to 1.5 m/s, changed once, and a push of up to 300 N.
 """
 
 import argparse
@@ -13,6 +14,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
+from prosthesis_gym import SCENARIOS
 from prosthesis_gym.config import Config
 from prosthesis_gym.controller import Controller
 from prosthesis_gym.devices import DEVICES
@@ -26,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--episodes", type=int, default=512, metavar="N", help="default: %(default)s")
     parser.add_argument("--constant", type=float, default=5.0, metavar="N m s²/rad²", help="default: %(default)s")
     parser.add_argument("--policy", type=Path, metavar="FOLDER", help="a trained policy, as .ci/demo leaves behind")
+    parser.add_argument("--scenario", metavar="NAME|FILE", help=f"{', '.join(SCENARIOS)}, or a file")
     options = parser.parse_args(arguments)
 
     constant: Config = {"action": {"mode": "constant", DEVICES["damper"].constant_key: options.constant}}
@@ -43,6 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             results[name] = evaluate(
                 controller,
                 config,
+                scenario=options.scenario,
                 episodes=options.episodes,
                 progress=lambda steps, most, task=task: bar.update(task, completed=steps, total=most),
             )

@@ -4,7 +4,7 @@ Importing the package registers its environments with Gymnasium:
 
 >>> import gymnasium, prosthesis_gym
 >>> env = gymnasium.make("prosthesis_gym/DamperKnee-v0")
->>> envs = gymnasium.make_vec("prosthesis_gym/DamperKnee-v0", num_envs=1024)
+>>> envs = gymnasium.make_vec("prosthesis_gym/DamperKnee-v0", num_envs=1024, scenario="pushes")
 """
 
 from importlib.metadata import version
@@ -13,10 +13,13 @@ from gymnasium.envs.registration import register
 
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.env import ProsthesisEnv
+from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.rewards import REWARDS
+from prosthesis_gym.scenarios import SCENARIOS
 from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 __version__ = version("prosthesis-gym")
-__all__ = ["ProsthesisEnv", "ProsthesisVectorEnv"]
+__all__ = ["REWARDS", "SCENARIOS", "ProsthesisEnv", "ProsthesisVectorEnv", "RewardTerm"]
 
 for _kind, _device in DEVICES.items():
     register(

@@ -3,7 +3,7 @@
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
 
 from prosthesis_gym import _core
 
@@ -14,6 +14,8 @@ CONTROL_PERIOD_S = 0.005
 
 REFERENCE_SOLVER: Config = {"solver": {"stepper": "rk4", "steps": 50}}
 """The converged reference stepper: RK4 at 0.1 ms with located events."""
+
+_DISTRIBUTIONS = frozenset({"uniform", "log_uniform", "normal", "choice"})
 
 
 def load_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
@@ -30,17 +32,21 @@ def load_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
         FileNotFoundError: there is no such file.
 
     """
+    config = read_config(source)
+    resolve(config)
+    return config
+
+
+def read_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
+    """Read a part of a configuration that need not be valid alone; otherwise as `load_config`."""
     if source is None:
         return {}
     if isinstance(source, Mapping):
-        config = merge({}, source)
-    else:
-        try:
-            config = tomllib.loads(Path(source).read_text(encoding="utf-8"))
-        except tomllib.TOMLDecodeError as error:
-            raise ValueError(f"{source}: {error}") from error
-    resolve(config)
-    return config
+        return merge({}, source)
+    try:
+        return tomllib.loads(Path(source).read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{source}: {error}") from error
 
 
 def resolve(config: Mapping[str, Any]) -> Config:
@@ -54,15 +60,22 @@ def resolve(config: Mapping[str, Any]) -> Config:
 
 
 def merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> Config:
-    """Return `base` with the entries of `override` in their place, section by section. Neither argument is changed."""
+    """Return `base` with the entries of `override` in their place, section by section. Neither argument is changed.
+
+    A distribution such as `{normal = [1.1, 0.1]}` is one value, not a section.
+    """
     merged: Config = {key: merge({}, value) if isinstance(value, Mapping) else value for key, value in base.items()}
     for key, value in override.items():
         if isinstance(value, Mapping):
             section = merged.get(key)
-            merged[key] = merge(section if isinstance(section, Mapping) else {}, value)
+            merged[key] = merge(section if _is_section(section) and _is_section(value) else {}, value)
         else:
             merged[key] = value
     return merged
+
+
+def _is_section(value: object) -> TypeGuard[Mapping[str, Any]]:
+    return isinstance(value, Mapping) and not (len(value) == 1 and _DISTRIBUTIONS.issuperset(value))
 
 
 def apply_settings(config: Mapping[str, Any], settings: Iterable[str]) -> Config:

@@ -24,6 +24,14 @@ class Controller(Protocol):
         """Actions (N,) in [-1, 1] for observations (N, D)."""
 
 
+def require_one_action(config: Mapping[str, Any]) -> None:
+    """Raise a ValueError unless an action of the configuration is one number, as that of a controller is."""
+    size = _core.action_size(config)
+    if size != 1:
+        mode = resolve(config)["action"]["mode"]
+        raise ValueError(f"action.mode = {mode!r} takes {size} numbers per walker, a controller gives 1")
+
+
 class SensorController:
     """A controller made of a function from the leg's own sensors to the knee's command.
 

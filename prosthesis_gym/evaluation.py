@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,11 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import CONTROL_PERIOD_S, merge
-from prosthesis_gym.controller import Controller
+from prosthesis_gym.config import CONTROL_PERIOD_S, merge, resolve
+from prosthesis_gym.controller import Controller, require_one_action
+from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.scenarios import load_scenario
+from prosthesis_gym.walkers import Walkers
 
 #: Seeds from here on are for evaluation: training must stay below.
 HELD_OUT_SEED = 1_000_000_000
@@ -23,6 +27,10 @@ VALIDATION_SEED = 2_000_000_000
 # A walking shank never rotates this slowly for more than a quarter of a second.
 _STILL_RAD_S = 0.2
 _STILL_S = 1.0
+#: A measurement rather than a reward: it has no weight. Its group may be one that the controller does not see.
+_STANDS_STILL = RewardTerm(
+    "stands_still", 0.0, lambda channels: np.abs(channels["shank_rate_rad_s"]) < _STILL_RAD_S, groups=("shank",)
+)
 _Z95 = 1.959963984540054
 _PUSHES = ("weakest third of pushes", "middle third of pushes", "strongest third of pushes")
 _STARTS = ("from standing", "from a cyclic step")
@@ -87,6 +95,7 @@ def evaluate(
     controller: Controller | None,
     config: Mapping[str, Any],
     *,
+    scenario: str | Path | None = None,
     episodes: int = 512,
     seed: int = HELD_OUT_SEED,
     threads: int | None = None,
@@ -96,22 +105,25 @@ def evaluate(
 
     A controller (a policy, or one's own) brings its knee unit and its sections `action` and `observation`; a `config`
     that names another knee unit is a ValueError. Without one, the state machine drives the knee, or a constant command
-    if `action.mode` is "constant". `progress` is called with the env steps done and the most there can be.
+    if `action.mode` is "constant". `scenario` (one of `prosthesis_gym.SCENARIOS`, or a file) is what the walkers meet;
+    `config` overrides it. `progress` is called with the env steps done and the most there can be.
     """
     if not 1 <= episodes <= 1_000_000:
         raise ValueError(f"episodes = {episodes} is outside its allowed range [1, 1000000]")
     if not 0 <= seed < 2**63:
         raise ValueError(f"seed = {seed} is outside its allowed range [0, 2^63)")
+    if scenario is not None:
+        config = merge(load_scenario(scenario), config)
     if controller is not None:
         config = controller.configure(config)
-    elif _core.resolve(config)["action"]["mode"] != "constant":
+        require_one_action(config)
+    elif resolve(config)["action"]["mode"] != "constant":
         config = merge(config, {"action": {"mode": "state_machine"}})
     # "next_step" because the batch goes on when some have ended; of each walker the first episode alone counts.
-    batch = _core.Batch(episodes, config, "next_step", threads)
-    observations = batch.reset(np.arange(seed, seed + episodes, dtype=np.uint64))
-    drawn = batch.episodes()
-    resolved = _core.resolve(config)
-    shank_rate = [channel[0] for channel in _core.channels(config)].index("shank_rate_rad_s")
+    resolved = resolve(config)
+    walkers = Walkers(episodes, resolved, [_STANDS_STILL], "next_step", threads)
+    observations = walkers.reset(np.arange(seed, seed + episodes, dtype=np.uint64))
+    drawn = walkers.batch.episodes()
     step_s = resolved["action"]["hold"] * CONTROL_PERIOD_S
     most = math.ceil(resolved["scenario"]["duration_s"] / step_s)
 
@@ -124,13 +136,12 @@ def evaluate(
     while running.any():
         if controller is not None:
             actions = controller.act(observations)
-        step = batch.step(actions)
+        step = walkers.step(actions)
         observations = step.observations
-        slow = np.abs(observations[:, shank_rate]) < _STILL_RAD_S
-        still[running] = np.where(slow, still + 1, 0)[running]
+        still[running] = np.where(step.terms[:, -1] == 1.0, still + 1, 0)[running]
         ended = running & (step.terminated | step.truncated)
         returns[ended], steps[ended] = step.episode_returns[ended], step.episode_steps[ended]
-        sums[ended], reasons[ended] = step.episode_terms[ended], step.reasons[ended]
+        sums[ended], reasons[ended] = step.episode_terms[ended, :-1], step.reasons[ended]
         running &= ~ended
         done += 1
         if progress is not None:

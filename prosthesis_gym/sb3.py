@@ -13,11 +13,13 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.reward_terms import RewardTerm
 from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 OBSERVATION_EPSILON = 1e-8
@@ -35,8 +37,41 @@ class ObservationMoments(NamedTuple):
     variance: NDArray[np.float64]
 
 
+class _Normaliser:
+    """What the core's normaliser does, after reward terms have seen the observations as they are."""
+
+    def __init__(self, shape: tuple[int, ...], clip: float) -> None:
+        self._moments = RunningMeanStd(epsilon=0.0, shape=shape)
+        self._clip = clip
+        self._learns = True
+
+    def moments(self) -> ObservationMoments:
+        return ObservationMoments(float(self._moments.count), self._moments.mean.copy(), self._moments.var.copy())
+
+    def set_moments(self, moments: ObservationMoments, learns: bool) -> None:
+        shape = self._moments.mean.shape
+        for name, values in (("mean", moments.mean), ("variance", moments.variance)):
+            if np.shape(values) != shape:
+                raise ValueError(f"{name} has shape {np.shape(values)}, must have {shape}")
+        self._moments.count, self._learns = moments.number, learns
+        self._moments.mean, self._moments.var = moments.mean.copy(), moments.variance.copy()
+
+    def see(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Learn from observations (N, D) and return them normalised."""
+        if self._learns:
+            self._moments.update(observations.astype(np.float64))
+        return self.normalised(observations)
+
+    def normalised(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        scaled = (observations - self._moments.mean) / np.sqrt(self._moments.var + OBSERVATION_EPSILON)
+        return np.clip(scaled, -self._clip, self._clip).astype(np.float32)
+
+
 class ProsthesisVecEnv(VecEnv):
     """Many walkers as one Stable-Baselines3 environment.
+
+    `config`, `scenario`, `reward` and `reward_terms` are those of `ProsthesisVectorEnv`, whose attributes and methods
+    `get_attr`, `set_attr` and `env_method` reach: `set_attr("difficulty", 0.5)`.
 
     Where an episode ends, the info says what a wrapper per environment would: `terminal_observation`,
     `TimeLimit.truncated`, `episode` (return "r", env steps "l", seconds "t" since the environment was made: no
@@ -45,8 +80,8 @@ class ProsthesisVecEnv(VecEnv):
     ones would cost more than the step itself.
 
     With `normalise_observations`, observations (terminal ones too) come less their running mean, over their running
-    standard deviation and within +-`clip_observation`: what SB3's VecNormalize does, done in the core. Their statistics
-    are `observation_moments`.
+    standard deviation and within +-`clip_observation`: what SB3's VecNormalize does, done in the core (with
+    `reward_terms`, which see observations as they are, in NumPy). Their statistics are `observation_moments`.
 
     With `staggered`, `reset` lets each walker walk for a different part of an episode first, so that a rollout sees
     all parts of an episode at any time instead of all walkers starting, walking and ending in step.
@@ -57,6 +92,9 @@ class ProsthesisVecEnv(VecEnv):
         num_envs: int,
         config: Mapping[str, Any] | str | Path | None = None,
         *,
+        scenario: str | Path | None = None,
+        reward: str | Path | None = None,
+        reward_terms: Sequence[RewardTerm] = (),
         threads: int | None = None,
         staggered: bool = False,
         normalise_observations: bool = False,
@@ -67,6 +105,9 @@ class ProsthesisVecEnv(VecEnv):
         self.envs = ProsthesisVectorEnv(
             num_envs,
             config,
+            scenario=scenario,
+            reward=reward,
+            reward_terms=reward_terms,
             autoreset_mode=AutoresetMode.SAME_STEP,
             threads=threads,
             render_mode=render_mode,
@@ -77,10 +118,14 @@ class ProsthesisVecEnv(VecEnv):
         self._staggered = staggered
         self._began = time.perf_counter()
         self._infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(num_envs)]
-        self._actions: NDArray[np.float64] = np.zeros(num_envs)
+        self._actions = np.zeros(self.envs.action_space.shape or ()).reshape(-1)
+        self._normaliser: _Normaliser | None = None
         space = self.envs.single_observation_space
         if normalise_observations:
-            self.envs.batch.normalise_observations(clip_observation, OBSERVATION_EPSILON)
+            if reward_terms:
+                self._normaliser = _Normaliser(space.shape or (), clip_observation)
+            else:
+                self.envs.batch.normalise_observations(clip_observation, OBSERVATION_EPSILON)
             space = Box(-clip_observation, clip_observation, space.shape, np.float32)
         super().__init__(num_envs, space, self.envs.single_action_space)
         self.metadata["render_fps"] = self.envs.metadata["render_fps"]
@@ -93,11 +138,16 @@ class ProsthesisVecEnv(VecEnv):
             ValueError: observations are not normalised.
 
         """
+        if self._normaliser is not None:
+            return self._normaliser.moments()
         return ObservationMoments(*self.envs.batch.moments())
 
     def set_observation_moments(self, moments: ObservationMoments, *, learns: bool = True) -> None:
         """Replace the statistics; without `learns` they stay as they are from now on."""
-        self.envs.batch.set_moments(*moments, learns)
+        if self._normaliser is not None:
+            self._normaliser.set_moments(moments, learns)
+        else:
+            self.envs.batch.set_moments(*moments, learns)
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations (N, D) of new episodes; takes the seeds of the last call of `seed`."""
@@ -110,32 +160,34 @@ class ProsthesisVecEnv(VecEnv):
             observations = self._stagger()
             if self.envs.rendering is not None:
                 self.envs.rendering.reset()
-        return observations
+        return observations if self._normaliser is None else self._normaliser.see(observations)
 
     def _stagger(self) -> NDArray[np.float32]:
         """Spread the ages of the walkers evenly over the length of an episode, with action 0."""
         limits = self.envs.config
         steps = round(limits["scenario"]["duration_s"] / CONTROL_PERIOD_S / limits["action"]["hold"])
         starts = np.arange(self.num_envs) * steps // self.num_envs
-        actions = np.zeros(self.num_envs)
+        actions = np.zeros_like(self._actions)
         for step in range(steps):
-            self.envs.batch.step(actions)
-            self.envs.batch.reset(None, starts == step)
-        return self.envs.batch.step(actions).observations
+            self.envs.walkers.step(actions)
+            self.envs.walkers.reset(None, starts == step)
+        return self.envs.walkers.step(actions).observations
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions (N, 1) for `step_wait`."""
-        self._actions = np.asarray(actions, dtype=np.float64).reshape(self.num_envs)
+        """Keep the actions (N, action size) for `step_wait`."""
+        self._actions = np.asarray(actions, dtype=np.float64).reshape(self._actions.shape)
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Advance every walker by `action.hold` control periods."""
         began = time.perf_counter()
-        step = self.envs.batch.step(self._actions)
+        step = self.envs.walkers.step(self._actions)
         now = time.perf_counter()
         self.core_seconds += now - began
         if self.envs.rendering is not None:
             self.envs.rendering.step()
-        truncated = step.truncated
+        observations, truncated = step.observations, step.truncated
+        if self._normaliser is not None:
+            observations = self._normaliser.see(observations)
         dones = step.terminated | truncated
         infos = self._infos.copy()
         ended = np.flatnonzero(dones)
@@ -143,6 +195,8 @@ class ProsthesisVecEnv(VecEnv):
             returns, steps, terms = step.episode_returns, step.episode_steps, step.episode_terms
             final, reasons = step.final_observations, step.reasons
             assert final is not None  # autoreset "same_step" always hands it out
+            if self._normaliser is not None:
+                final = self._normaliser.normalised(final)
             for index in ended:
                 infos[index] = {
                     "TimeLimit.truncated": bool(truncated[index]),
@@ -152,10 +206,10 @@ class ProsthesisVecEnv(VecEnv):
                         "l": int(steps[index]),
                         "t": round(now - self._began, 6),
                     },
-                    "episode_terms": dict(zip(_core.TERMS, terms[index].tolist(), strict=True)),
+                    "episode_terms": dict(zip(self.envs.walkers.terms.names, terms[index].tolist(), strict=True)),
                     "termination_reason": _core.REASONS[reasons[index]],
                 }
-        return step.observations, step.rewards.astype(np.float32), dones, infos
+        return observations, step.rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
         """Free the native batch."""

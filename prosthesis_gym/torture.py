@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from prosthesis_gym import _core
 from prosthesis_gym.config import Config, merge, resolve
 from prosthesis_gym.devices import DEVICES
-from prosthesis_gym.vector_env import Observations, ProsthesisVectorEnv, spaces
+from prosthesis_gym.vector_env import ProsthesisVectorEnv
+from prosthesis_gym.walkers import Observations, spaces
 
 Step: TypeAlias = tuple[Observations, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]
 """What `step` of the vector environment returns."""

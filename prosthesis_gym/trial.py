@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S, merge, resolve
-from prosthesis_gym.controller import Controller
+from prosthesis_gym.controller import Controller, require_one_action
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.progress import progress_bar
@@ -78,6 +78,7 @@ def run_trial(
     """
     if policy is not None:
         config = policy.configure(config)
+        require_one_action(config)
     if duration_s is not None:
         config = merge(config, {"scenario": {"duration_s": duration_s}})
     resolved = resolve(config)

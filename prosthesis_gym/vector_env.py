@@ -1,25 +1,23 @@
 """Native vector environment: thousands of walkers in one call of the Rust core."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import CONTROL_PERIOD_S, Config, load_config, merge, resolve
+from prosthesis_gym.config import CONTROL_PERIOD_S
 from prosthesis_gym.rendering.canvas import Frame
 from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
-
-Observations = NDArray[np.float32]
+from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.walkers import Observations, Walkers, environment_config, observation_groups, spaces
 
 _REASONS = np.array(_core.REASONS, dtype=object)
-_TERM_MASKS = [f"_{name}" for name in _core.TERMS]
 
 _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] = {
     AutoresetMode.NEXT_STEP: "next_step",
@@ -28,49 +26,10 @@ _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] =
 }
 
 
-def spaces(config: Mapping[str, Any]) -> tuple[Box, Box]:
-    """Return observation and action space of one environment with the given complete configuration.
-
-    The observation is `observation.frames` frames of the sensors in `_core.channels(config)`, newest first, float32.
-    The action is one number in [-1, 1], or three in mode "impedance"; what they mean is `action.mode`.
-    """
-    frames = config["observation"]["frames"]
-    channels = _core.channels(config)
-    low = np.tile(np.array([channel[1] for channel in channels], dtype=np.float32), frames)
-    high = np.tile(np.array([channel[2] for channel in channels], dtype=np.float32), frames)
-    return Box(low, high, dtype=np.float32), Box(-1.0, 1.0, (_core.action_size(config),), dtype=np.float32)
-
-
-def environment_config(
-    source: str | Path | Mapping[str, Any] | None, device: str | None, max_episode_steps: int | None
-) -> Config:
-    """Return the complete configuration of an environment.
-
-    Args:
-        source: TOML file, nested mapping or None for the defaults.
-        device: replaces `device.kind`, if given.
-        max_episode_steps: replaces `scenario.duration_s`, in env steps, if given.
-
-    """
-    config = load_config(source)
-    if device is not None:
-        config = merge(config, {"device": {"kind": device}})
-    if max_episode_steps is not None:
-        config = _limited(config, max_episode_steps)
-    return resolve(config)
-
-
 def env_steps_per_s(config: Mapping[str, Any]) -> int:
     """Return the env steps in a second of simulated time, rounded."""
     hold: int = config["action"]["hold"]
     return round(1.0 / (CONTROL_PERIOD_S * hold))
-
-
-def _limited(config: Config, max_episode_steps: int) -> Config:
-    if max_episode_steps < 1:
-        raise ValueError(f"max_episode_steps = {max_episode_steps} must be at least 1")
-    duration = max_episode_steps * resolve(config)["action"]["hold"] * CONTROL_PERIOD_S
-    return merge(config, {"scenario": {"duration_s": duration}})
 
 
 def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
@@ -101,7 +60,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
     Args:
         num_envs: number of walkers.
-        config: TOML file, nested mapping or None for the defaults.
+        config: TOML file, nested mapping or None; overrides scenario and reward.
+        scenario: what the walkers meet: one of `prosthesis_gym.SCENARIOS`, or the path of a file.
+        reward: weights of the reward's terms: one of `prosthesis_gym.REWARDS`, or the path of a file.
+        reward_terms: terms of one's own beside the core's.
         device: knee unit (a key of `prosthesis_gym.devices.DEVICES`); None leaves it to the configuration.
         autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
         threads: worker threads; None takes all cores. Results do not depend on it.
@@ -124,6 +86,9 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         num_envs: int = 1,
         config: str | Path | Mapping[str, Any] | None = None,
         *,
+        scenario: str | Path | None = None,
+        reward: str | Path | None = None,
+        reward_terms: Sequence[RewardTerm] = (),
         device: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
@@ -132,9 +97,10 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         render_size: tuple[int, int] | None = None,
     ) -> None:
         mode = check_render_mode(render_mode)
-        self.config = environment_config(config, device, max_episode_steps)
+        self.config = environment_config(config, device, max_episode_steps, scenario=scenario, reward=reward)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.batch = _core.Batch(num_envs, self.config, _AUTORESET[self.autoreset_mode], threads)
+        self.walkers = Walkers(num_envs, self.config, reward_terms, _AUTORESET[self.autoreset_mode], threads)
+        self.batch = self.walkers.batch
         self.num_envs = num_envs
         self.render_mode = mode
         #: Draws the walkers, if there is a render mode.
@@ -149,7 +115,60 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         }
         self._seeded = False
         self._all = np.ones(num_envs, dtype=np.bool_)
-        self._term_masks = dict.fromkeys(_TERM_MASKS, self._all)
+        self._term_masks = dict.fromkeys((f"_{name}" for name in self.walkers.terms.names), self._all)
+
+    @property
+    def observation_groups(self) -> dict[str, NDArray[np.intp]]:
+        """Indices of each group of channels in an observation (D,), over all frames.
+
+        An asymmetric actor sees all but "privileged", its critic everything.
+        """
+        return observation_groups(self.config)
+
+    @property
+    def difficulty(self) -> float:
+        """Share of disturbances and randomisation, in [0, 1], that episodes have from their next start on.
+
+        0 is the nominal walker, whom nobody disturbs, 1 the scenario as it is. A value outside is a ValueError.
+        """
+        return self.batch.difficulty
+
+    @difficulty.setter
+    def difficulty(self, difficulty: float) -> None:
+        self.batch.difficulty = difficulty
+
+    def get_state(self, indices: Sequence[int] | None = None) -> bytes:
+        """Return the state of the walkers at `indices`, of all by default; put back, each goes on bit for bit.
+
+        Included: walker, knee and sensors, the episode with all that was drawn for it, the number of the episode and
+        its seed (so the next episodes too), observation, sums of the reward, whether the episode has ended. Not
+        included: `difficulty` of episodes to come, statistics that normalise observations, recordings, and whatever
+        the environment's wrappers keep.
+
+        Raises:
+            ValueError: an index outside [0, N - 1], or none.
+
+        """
+        return self.walkers.get_state(indices)
+
+    def set_state(self, state: bytes, indices: Sequence[int] | None = None) -> Observations:
+        """Put saved walkers at `indices`, at all by default; a single one goes to each of them.
+
+        The state may come from any environment, single or vector, of the same configuration and reward terms.
+
+        Returns:
+            Observations (N, D) float32 of all walkers: those of saved ones are the newest they had handed out.
+
+        Raises:
+            ValueError: an index outside [0, N - 1]; a state of another configuration, version or number of walkers,
+                or a damaged one. The walkers stay as they were.
+
+        """
+        observations = self.walkers.set_state(state, indices)
+        if self.rendering is not None:
+            self.rendering.reset()
+        self._seeded |= indices is None or set(indices) == set(range(self.num_envs))
+        return observations
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -173,7 +192,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         seeds = self._seeds(seed)
         if seeds is not None:
             self._seeded = True
-        observations = self.batch.reset(seeds, mask)
+        observations = self.walkers.reset(seeds, mask)
         if self.rendering is not None:
             self.rendering.reset()
         return observations, {}
@@ -224,19 +243,19 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
         """
         flat = check_actions(actions, self.action_space.shape or ())
-        step = self.batch.step(flat)
+        step = self.walkers.step(flat)
         if self.rendering is not None:
             self.rendering.step()
-        terms = step.terms
+        names, terms = self.walkers.terms.names, step.terms
         if not step.eventful:
-            named = dict(zip(_core.TERMS, terms.T, strict=True)) | self._term_masks
+            named = dict(zip(names, terms.T, strict=True)) | self._term_masks
             infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": self._all}
         else:
             reasons, finals, started = step.reasons, step.final_observations, step.started
             if finals is not None:
-                infos = _same_step_infos(terms, reasons, finals, started)
+                infos = _same_step_infos(names, terms, reasons, finals, started)
             else:
-                infos = _infos(terms, reasons, ~started)
+                infos = _infos(names, terms, reasons, ~started)
         return step.observations, step.rewards, step.terminated, step.truncated, infos
 
     def render(self) -> tuple[Frame, ...] | None:
@@ -260,28 +279,34 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             self.rendering.close()
 
 
-def _infos(terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]) -> dict[str, Any]:
+def _infos(
+    names: Sequence[str], terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]
+) -> dict[str, Any]:
     """Lay out the infos of the environments in the mask `present`; terms (N, number of terms) are 0 elsewhere."""
-    named = dict(zip(_core.TERMS, terms.T, strict=True)) | dict.fromkeys(_TERM_MASKS, present)
+    named = dict(zip(names, terms.T, strict=True)) | dict.fromkeys((f"_{name}" for name in names), present)
     infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
     if reasons.any():
         ended = reasons != 0
-        names = np.full(reasons.size, None, dtype=object)
-        names[ended] = _REASONS[reasons[ended]]
-        infos |= {"termination_reason": names, "_termination_reason": ended}
+        why = np.full(reasons.size, None, dtype=object)
+        why[ended] = _REASONS[reasons[ended]]
+        infos |= {"termination_reason": why, "_termination_reason": ended}
     return infos
 
 
 def _same_step_infos(
-    terms: NDArray[np.float64], reasons: NDArray[np.uint8], finals: Observations, ended: NDArray[np.bool_]
+    names: Sequence[str],
+    terms: NDArray[np.float64],
+    reasons: NDArray[np.uint8],
+    finals: Observations,
+    ended: NDArray[np.bool_],
 ) -> dict[str, Any]:
     """Lay out the infos of a step in which episodes ended: theirs is the final one, all others' the one of the step."""
     where = ended[:, None]
-    infos = _infos(np.where(where, 0.0, terms), np.where(ended, 0, reasons), ~ended)
+    infos = _infos(names, np.where(where, 0.0, terms), np.where(ended, 0, reasons), ~ended)
     return infos | {
         "final_obs": _rows(finals, ended),
         "_final_obs": ended,
-        "final_info": _infos(np.where(where, terms, 0.0), reasons, ended),
+        "final_info": _infos(names, np.where(where, terms, 0.0), reasons, ended),
         "_final_info": ended,
     }
 

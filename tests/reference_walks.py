@@ -4,7 +4,7 @@ from functools import cache
 from types import MappingProxyType
 
 from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, merge
-from prosthesis_gym.profiles import load_profile
+from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.trial import Trial, run_trial
 
 BASE = MappingProxyType(
@@ -24,5 +24,5 @@ def walk(*settings: str, duration_s: float = 30.0) -> Trial:
 @cache
 def trial40(*settings: str) -> Trial:
     """Walk the 40 s trial of Figure 8, with 5 s more to come to a stop."""
-    config = merge(BASE, {"scenario": load_profile("trial40")})
+    config = merge(BASE, load_scenario("trial40"))
     return run_trial(apply_settings(config, settings), progress=False)

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from prosthesis_gym.bodies import HEIGHT_M, scaled_body, walk_bodies
+from prosthesis_gym.bodies import HEIGHT_M, scaled_body
+from prosthesis_gym.body_walks import walk_bodies
 from prosthesis_gym.cli import main, trial_options
 from prosthesis_gym.config import merge, resolve
 

@@ -11,9 +11,10 @@ from rich.console import Console
 
 from prosthesis_gym import _core, progress
 from prosthesis_gym.cli import main, trial_options, walk
-from prosthesis_gym.config import merge
+from prosthesis_gym.config import merge, resolve
 from prosthesis_gym.plotting import plot_gait, plot_trial
 from prosthesis_gym.policy import Normalisation, Policy
+from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.trial import Trial, load_trial, run_trial
 
 matplotlib_image = pytest.importorskip("matplotlib.image")
@@ -69,12 +70,22 @@ def test_saved_trial_is_the_one_walked(tmp_path: Path) -> None:
     assert trial.end_s == pytest.approx(5.0)
 
 
-def test_profile_brings_its_duration_and_options_override_it(tmp_path: Path) -> None:
+def test_scenario_brings_its_duration_and_options_override_it(tmp_path: Path) -> None:
     path = tmp_path / "trial.parquet"
-    assert main(["walk", "--profile", "start_stop", "--solver", "fast", "--out", str(path)]) == 0
+    assert main(["walk", "--scenario", "start_stop", "--solver", "fast", "--out", str(path)]) == 0
     assert load_trial(path).end_s == pytest.approx(25.0)
     assert main(["walk", "--profile", "start_stop", "--duration", "2", "--out", str(path), "--force"]) == 0
     assert load_trial(path).end_s == pytest.approx(2.0)
+
+
+def test_scenario_brings_every_section_in_place_of_the_commands_own_scenario(tmp_path: Path) -> None:
+    scenario, path = tmp_path / "slope.toml", tmp_path / "trial.parquet"
+    scenario.write_text('[scenario]\nstart = "cyclic"\nduration_s = 0.5\n[ground]\nslope_deg = -1.0\n')
+    assert main(["walk", "--scenario", str(scenario), "--solver", "fast", "--out", str(path)]) == 0
+    config = load_trial(path).config
+    assert config["ground"]["slope_deg"] == -1.0
+    assert config["scenario"] == resolve(load_scenario(scenario))["scenario"]
+    assert config["scenario"]["push_n"] == [0.0, 300.0]
 
 
 def test_configuration_file_lies_between_defaults_and_options(tmp_path: Path) -> None:
@@ -156,7 +167,7 @@ def test_constant_command_is_that_of_the_knee_however_it_is_chosen(
         (["--set", "knee.spring_nm_rad=-1"], "knee.spring_nm_rad = -1"),
         (["--set", "knee"], "section.key=value"),
         (["--speed", "9"], "scenario.speed_m_s = 9"),
-        (["--speed", "1.2", "--profile", "steady"], "--profile steady"),
+        (["--speed", "1.2", "--scenario", "steady"], "--scenario steady"),
         (["--duration", "nan"], "scenario.duration_s = NaN"),
         (["--profile", "nowhere"], "'nowhere'"),
         (["--controller", "magic"], "controller magic"),

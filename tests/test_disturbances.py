@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from prosthesis_gym.config import merge, resolve
-from prosthesis_gym.profiles import load_profile
+from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.trial import RESIDUAL, Trial, run_trial
 
 BASE = {
@@ -112,7 +112,7 @@ def test_gusts_shift_no_other_draw() -> None:
 
 @pytest.mark.parametrize("name", ["pushes", "gusts", "human_variations"])
 def test_preset_is_walked_by_most_and_differs_between_seeds(name: str) -> None:
-    config = {"action": {"mode": "state_machine"}, "scenario": load_profile(name)}
+    config = {"action": {"mode": "state_machine"}, **load_scenario(name)}
     trials = [run_trial(config, seed=seed, progress=False) for seed in range(8)]
     assert sum(trial.outcome == "walking" for trial in trials) >= 7
     assert len({float(trial["hip_x_m"][-1]) for trial in trials}) == 8

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from prosthesis_gym import _core
 from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, merge, resolve
 from prosthesis_gym.gait import residual_contact, stride_table, summary
-from prosthesis_gym.profiles import load_profile
+from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.trial import INTACT, RESIDUAL, Trial, run_trial
 
 BASE = MappingProxyType(
@@ -22,7 +22,7 @@ BASE = MappingProxyType(
     }
 )
 PAPER = resolve({})["scenario"]["human"]
-VARIED = load_profile("human_variations")["human"]
+VARIED = load_scenario("human_variations")["scenario"]["human"]
 
 
 @cache

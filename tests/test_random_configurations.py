@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import ProsthesisVectorEnv, _core
 from prosthesis_gym.config import Config, merge, resolve
-from prosthesis_gym.vector_env import spaces
+from prosthesis_gym.walkers import spaces
 
 #: Of at least 5 ms: time for every walker to be reset once and then to come to an end.
 STEPS = 120

@@ -17,9 +17,12 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 from prosthesis_gym import _core
+from prosthesis_gym.config import merge, resolve
 from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.policy import Policy
+from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.sb3 import ProsthesisVecEnv
+from prosthesis_gym.scenarios import load_scenario
 from training.checkpoint import latest_checkpoint, load_checkpoint, save_checkpoint
 from training.export import export_policy
 from training.settings import Settings
@@ -273,6 +276,57 @@ def test_settings_survive_being_written(config: Path) -> None:
     settings = Settings.load(config, ["ppo.learning_rate=1e-5", profile, "env.scenario.push_n=[0, 1e2]"])
     again = Settings.read(tomllib.loads(settings.to_toml()))
     assert again == settings
+
+
+def test_settings_of_randomised_parameters_survive_being_written(config: Path) -> None:
+    changes = [
+        'env.scenario.randomise={"ground.slope_deg" = [-1, 1], "ground.friction" = {normal = [0.5, 0.05]}}',
+        "env.scenario.variants=[{body = {trunk_mass_kg = 50.0}}]",
+    ]
+    settings = Settings.load(config, changes)
+    assert settings.env["scenario"]["randomise"]["ground.friction"] == {"normal": [0.5, 0.05]}
+    assert Settings.read(tomllib.loads(settings.to_toml())) == settings
+
+
+def test_env_may_name_a_scenario_and_a_reward_that_other_keys_override(tmp_path: Path) -> None:
+    path = tmp_path / "named.toml"
+    path.write_text('[env]\nscenario = "pushes"\nreward = "safety"\n')
+    settings = Settings.load(path, ["env.scenario.duration_s=4.0", "env.reward.energy=-0.5"])
+    whole = merge(merge(load_scenario("pushes"), load_reward("safety")), {"reward": {"energy": -0.5}})
+    assert settings.env == resolve(merge(whole, {"scenario": {"duration_s": 4.0}}))
+    assert Settings.read(tomllib.loads(settings.to_toml())) == settings
+    path.write_text(
+        '[env.scenario]\npreset = "pushes"\nduration_s = 4.0\n[env.reward]\npreset = "safety"\nenergy = -0.5'
+    )
+    assert Settings.load(path).env == settings.env
+    for text, message in (('scenario = "nowhere"', "'nowhere'"), ("reward.preset = 3", r"reward\.preset = 3")):
+        path.write_text(f"[env]\n{text}\n")
+        with pytest.raises(ValueError, match=message):
+            Settings.load(path)
+
+
+def test_a_curriculum_leads_from_its_first_difficulty_to_the_whole_scenario(config: Path, tmp_path: Path) -> None:
+    changes = ["training.curriculum_steps=1024", "training.start_difficulty=0.2", "training.tensorboard=false"]
+    trainer = Trainer(Settings.load(config, changes), tmp_path / "run", quiet=True)
+    assert trainer.env.get_attr("difficulty", 0) == [0.2]
+    seen: list[float] = []
+    step = trainer.env.step_wait
+
+    def step_wait() -> Any:  # noqa: ANN401 - what it wraps
+        seen.append(trainer.env.get_attr("difficulty", 0)[0])
+        return step()
+
+    trainer.env.step_wait = step_wait  # type: ignore[method-assign]
+    assert trainer.run() == 0
+    # Rollouts of 512 env steps.
+    assert seen[::32] == pytest.approx([0.2, 0.6, 1.0, 1.0])
+    resumed = Trainer(Settings.load(config, changes), tmp_path / "run", resume=True, quiet=True)
+    assert resumed.env.get_attr("difficulty", 0) == [1.0]
+
+
+def test_without_a_curriculum_every_episode_is_at_full_difficulty(config: Path, tmp_path: Path) -> None:
+    trainer = Trainer(Settings.load(config), tmp_path / "run", quiet=True)
+    assert trainer.env.get_attr("difficulty", 0) == [1.0]
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "configs" / "train").glob("*.toml")), ids=lambda path: path.stem)

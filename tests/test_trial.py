@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import merge
-from prosthesis_gym.profiles import PROFILES, load_profile
 from prosthesis_gym.trial import INTACT, RESIDUAL, Trial, _upright_outcome, load_trial, run_trial, save_trial
 
 WALK: Mapping[str, Any] = {
@@ -154,77 +153,3 @@ def test_foreign_parquet_files_are_refused(tmp_path: Path) -> None:
     parquet.write_table(pyarrow.table({"a": [1]}), tmp_path / "foreign.parquet")
     with pytest.raises(ValueError, match="not a trial"):
         load_trial(tmp_path / "foreign.parquet")
-
-
-@pytest.mark.parametrize("name", PROFILES)
-def test_preset_profiles_are_valid_and_walked(name: str) -> None:
-    trial = run_trial(merge(WALK, {"scenario": load_profile(name)}))
-    assert trial.outcome == ("standing" if name in ("start_stop", "trial40") else "walking")
-
-
-def test_trial40_is_that_of_the_paper() -> None:
-    knots = load_profile("trial40")["profile"]
-    time_s, speed_m_s = ([knot[name] for knot in knots] for name in ("time_s", "speed_m_s"))
-    assert np.interp([5.0, 12.0, 17.0, 22.5, 25.0, 30.0, 37.0], time_s, speed_m_s) == pytest.approx(
-        [1.1, 1.4, 1.1, 1.25, 1.4, 1.1, 0.8]
-    )
-    assert [(knot["time_s"], knot["walk"]) for knot in knots if knot["time_s"] in (0.0, 1.0, 35.0, 40.0)] == [
-        (0.0, False),
-        (1.0, True),
-        (35.0, True),
-        (40.0, False),
-    ]
-
-
-KNOTS = [{"time_s": 0.0, "speed_m_s": 1.2, "walk": False}, {"time_s": 0.5, "speed_m_s": 1.2, "walk": True}]
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [
-        ("a.csv", "time_s,speed_m_s,walk\n0,1.2,0\n0.5,1.2,1\n"),
-        ("b.csv", "walk, time_s, speed_m_s\nfalse, 0, 1.2\nTRUE, 0.5, 1.2\n"),
-        (
-            "c.toml",
-            "profile = [{time_s = 0.0, speed_m_s = 1.2, walk = false}, {time_s = 0.5, speed_m_s = 1.2, walk = true}]",
-        ),
-    ],
-)
-def test_profile_files_hold_knots(tmp_path: Path, name: str, text: str) -> None:
-    (tmp_path / name).write_text(text)
-    assert load_profile(tmp_path / name) == {"profile": KNOTS, "duration_s": 5.5}
-
-
-def test_profile_file_may_hold_a_whole_scenario(tmp_path: Path) -> None:
-    path = tmp_path / "scenario.toml"
-    path.write_text(
-        '[scenario]\nstart = "cyclic"\nduration_s = 7.0\nprofile = [{time_s = 0.0, speed_m_s = 1.2, walk = true}]'
-    )
-    assert load_profile(path)["duration_s"] == 7.0
-    assert load_profile(path)["start"] == "cyclic"
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("a.csv", "time_s,speed\n0,1\n", "columns are"),
-        ("b.csv", "time_s,speed_m_s,walk\n0,1.1,1\n1,fast,1\n", "line 3: speed_m_s = 'fast'"),
-        ("c.csv", "time_s,speed_m_s,walk\n0,1.1,maybe\n", "line 2: walk = 'maybe'"),
-        ("d.csv", "time_s,speed_m_s,walk\n", "is not a list of"),
-        ("e.csv", "time_s,speed_m_s,walk\n0,1.1\n", "walk = None"),
-        ("f.toml", "profile = ", r"f\.toml: "),
-        ("g.toml", "profiles = []", "unknown key 'profiles'"),
-        ("h.toml", "[scenario]\nduration_s = 3.0", "is not a list of"),
-        ("i.toml", "profile = [{speed_m_s = 1.1, walk = true}]", "no number time_s"),
-        ("j.txt", "", "neither one of"),
-    ],
-)
-def test_bad_profile_files_are_explained(tmp_path: Path, name: str, text: str, message: str) -> None:
-    (tmp_path / name).write_text(text)
-    with pytest.raises(ValueError, match=message):
-        load_profile(tmp_path / name)
-
-
-def test_unknown_profile_lists_the_known_ones() -> None:
-    with pytest.raises(ValueError, match="pushes, start_stop, steady, trial40"):
-        load_profile("trial41")

@@ -83,6 +83,27 @@ class EveryCallback(BaseCallback):
         return True
 
 
+class CurriculumCallback(BaseCallback):
+    """Raises the environment's difficulty linearly from `start` to 1 over the first `steps` env steps of a run."""
+
+    def __init__(self, steps: int, start: float) -> None:
+        super().__init__()
+        self._steps = steps
+        self._start = start
+
+    def difficulty(self, steps: int) -> float:
+        """Return the difficulty after so many env steps."""
+        return self._start + (1.0 - self._start) * min(1.0, steps / self._steps)
+
+    def _on_rollout_start(self) -> None:
+        difficulty = self.difficulty(self.model.num_timesteps)
+        self.training_env.set_attr("difficulty", difficulty)
+        self.logger.record("curriculum/difficulty", difficulty)
+
+    def _on_step(self) -> bool:
+        return True
+
+
 class ProgressCallback(BaseCallback):
     """A progress bar, and scalars for TensorBoard: reward terms with their weights, falls, and where the time goes."""
 

@@ -10,12 +10,14 @@ import torch
 from numpy.typing import NDArray
 from stable_baselines3 import PPO
 
+from prosthesis_gym.controller import require_one_action
 from prosthesis_gym.policy import Normalisation, Policy
 from prosthesis_gym.sb3 import OBSERVATION_EPSILON, ObservationMoments
 
 
 def export_policy(model: PPO, moments: ObservationMoments, clip: float, env_config: Mapping[str, Any]) -> Policy:
     """Return the deterministic part of a PPO model whose actor is an MLP with tanh, with its observation scaling."""
+    require_one_action(env_config)
     actor = [*model.policy.mlp_extractor.policy_net.children(), model.policy.action_net]
     kinds = [type(module).__name__ for module in actor]
     if kinds != ["Linear", "Tanh"] * (len(actor) // 2) + ["Linear"] or model.policy.squash_output:

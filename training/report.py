@@ -43,7 +43,7 @@ def write_report(folder: Path, settings: Settings, threads: int | None, console:
 
     trials = {}
     for name, controller in controllers.items():
-        config = merge(settings.env, _WALK)
+        config = merge({**settings.env, "scenario": {}}, _WALK)
         if controller is None:
             config = merge(config, {"action": {"mode": "state_machine"}})
         trial = run_trial(config, policy=controller, progress=False)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
 
-from prosthesis_gym.config import apply_settings, resolve
+from prosthesis_gym.config import Config, apply_settings, merge, resolve
 from prosthesis_gym.evaluation import HELD_OUT_SEED
+from prosthesis_gym.rewards import load_reward
+from prosthesis_gym.scenarios import load_scenario
 
 
 def _within(low: float, high: float) -> dict[str, tuple[float, float]]:
@@ -32,6 +35,30 @@ class _Section:
                 raise ValueError(f"{name}.{key} = {value!r} {problem}")
             values[key] = float(value) if isinstance(defaults[key], float) else value
         return cls(**values)
+
+
+#: Sections of [env] that may name a preset or file, and what reads it.
+_PRESETS: dict[str, Callable[[str], Config]] = {"scenario": load_scenario, "reward": load_reward}
+
+
+def _spelt_out(table: Mapping[str, Any]) -> Config:
+    """Return the table with `scenario = "pushes"` as `scenario.preset`, which other keys of the section may go with."""
+    env = table.get("env")
+    named = [key for key in _PRESETS if isinstance(env.get(key), str)] if isinstance(env, Mapping) else []
+    return merge(table, {"env": {key: {"preset": table["env"][key]} for key in named}} if named else {})
+
+
+def _with_presets(env: Mapping[str, Any]) -> Config:
+    """Return the sections of [env] on top of the presets that they name."""
+    base, sections = Config(), merge({}, env)
+    for key, load in _PRESETS.items():
+        section = sections.get(key)
+        if isinstance(section, dict) and "preset" in section:
+            preset = section.pop("preset")
+            if not isinstance(preset, str):
+                raise ValueError(f"{key}.preset = {preset!r} must be a name or a path")
+            base = merge(base, load(preset))
+    return merge(base, sections)
 
 
 def _section(name: str, table: object) -> Mapping[str, Any]:
@@ -93,6 +120,10 @@ class TrainingSettings(_Section):
     total_steps: int = field(default=1_000_000, metadata=_within(1, 10**12 - 1))
     #: Wall time after which training ends even so, s.
     seconds: float = field(default=1e9, metadata=_within(0.1, 1e9))
+    #: Env steps over which `difficulty` goes linearly from `start_difficulty` to 1; 0 for full difficulty throughout.
+    #: Evaluations are always at full difficulty.
+    curriculum_steps: int = field(default=0, metadata=_within(0, 10**12 - 1))
+    start_difficulty: float = field(default=0.0, metadata=_within(0.0, 1.0))
     eval_every_steps: int = field(default=500_000, metadata=_within(1, 10**12 - 1))
     eval_episodes: int = field(default=256, metadata=_within(1, 100_000))
     #: Episodes of the comparison with the state machine at the end.
@@ -112,7 +143,11 @@ class TrainingSettings(_Section):
 
 @dataclass(frozen=True)
 class Settings:
-    """A complete training configuration; `table` is what the file and the command line said."""
+    """A complete training configuration; `table` is what the file and the command line said.
+
+    `[env] scenario = "pushes"` and `reward = "safety"` name presets or files, as does `preset` in their sections
+    `[env.scenario]` and `[env.reward]`, whose other keys override it.
+    """
 
     num_envs: int
     env: dict[str, Any]
@@ -130,11 +165,12 @@ class Settings:
             raise ValueError(f"cannot read {path}: {error.strerror}") from None
         except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
             raise ValueError(f"{path}: {error}") from None
-        return cls.read(apply_settings(table, changes))
+        return cls.read(apply_settings(_spelt_out(table), changes))
 
     @classmethod
     def read(cls, table: Mapping[str, Any]) -> Settings:
         """Check a nested table."""
+        table = _spelt_out(table)
         if unknown := [key for key in table if key not in ("env", "ppo", "policy", "training")]:
             raise ValueError(f"unknown key {unknown[0]}; expected one of env, ppo, policy, training")
         overrides = dict(_section("env", table.get("env", {})))
@@ -142,7 +178,7 @@ class Settings:
         if problem := _problem(num_envs, 1024, (1, 1_000_000)):
             raise ValueError(f"env.num_envs = {num_envs!r} {problem}")
         try:
-            env = resolve(overrides)
+            env = resolve(_with_presets(overrides))
         except ValueError as error:
             raise ValueError(f"in section env: {error}") from None
         if env["action"]["mode"] not in ("direct", "residual"):
@@ -155,7 +191,7 @@ class Settings:
             )
         policy = PolicySettings.read("policy", table.get("policy", {}))
         training = TrainingSettings.read("training", table.get("training", {}))
-        return cls(num_envs, env, ppo, policy, training, dict(table))
+        return cls(num_envs, env, ppo, policy, training, table)
 
     def to_toml(self) -> str:
         """Write what the file and the command line said as one TOML text."""
@@ -167,16 +203,20 @@ class Settings:
 def _write_section(lines: list[str], path: list[str], table: Mapping[str, Any]) -> None:
     values = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
     if path and (values or not table):
-        lines += ["", f"[{'.'.join(path)}]"]
-    lines += [f"{key} = {_toml(value)}" for key, value in values.items()]
+        lines += ["", f"[{'.'.join(map(_toml_key, path))}]"]
+    lines += [f"{_toml_key(key)} = {_toml(value)}" for key, value in values.items()]
     for key, value in table.items():
         if isinstance(value, Mapping):
             _write_section(lines, [*path, key], value)
 
 
+def _toml_key(key: str) -> str:
+    return key if re.fullmatch("[A-Za-z0-9_-]+", key) else json.dumps(key)
+
+
 def _toml(value: Any) -> str:  # noqa: ANN401 - any TOML value
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{key} = {_toml(entry)}" for key, entry in value.items()) + " }"
+        return "{ " + ", ".join(f"{_toml_key(key)} = {_toml(entry)}" for key, entry in value.items()) + " }"
     if isinstance(value, list):
         return "[" + ", ".join(map(_toml, value)) + "]"
     # JSON spells strings, booleans and finite numbers as TOML does.

@@ -17,7 +17,7 @@ import torch
 from rich.console import Console
 from stable_baselines3 import PPO
 from stable_baselines3.common import logger as sb3_logger
-from stable_baselines3.common.callbacks import CallbackList
+from stable_baselines3.common.callbacks import BaseCallback, CallbackList
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecNormalize
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
@@ -25,7 +25,14 @@ from prosthesis_gym.evaluation import VALIDATION_SEED, evaluate
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.sb3 import ProsthesisVecEnv
-from training.callbacks import EvaluationLog, EveryCallback, ProgressCallback, StopCallback, StopSignals
+from training.callbacks import (
+    CurriculumCallback,
+    EvaluationLog,
+    EveryCallback,
+    ProgressCallback,
+    StopCallback,
+    StopSignals,
+)
 from training.checkpoint import Progress, latest_checkpoint, load_checkpoint, save_checkpoint
 from training.export import export_policy
 from training.report import write_report
@@ -82,6 +89,11 @@ class Trainer:
             self.progress = load_checkpoint(checkpoint, self.model, self.normaliser)
             self.progress.resumptions += 1
             self.model.num_timesteps = self.progress.steps
+        self.curriculum: CurriculumCallback | None = None
+        if options.curriculum_steps > 0:
+            self.curriculum = CurriculumCallback(options.curriculum_steps, options.start_difficulty)
+            # Learning resets the environment before its first rollout.
+            self.env.set_attr("difficulty", self.curriculum.difficulty(self.progress.steps))
         # Resumed walkers must not live through the first episodes once more.
         self.model.set_random_seed(options.seed + self.progress.resumptions * settings.num_envs)
         folder.mkdir(parents=True, exist_ok=True)
@@ -111,17 +123,17 @@ class Trainer:
 
         bar = ProgressCallback(self.env, self.settings.env["reward"], options.total_steps, shown=not self.quiet)
         with StopSignals() as signals:
-            callbacks = CallbackList(
-                [
-                    StopCallback(signals, began + options.seconds),
-                    bar,
-                    EveryCallback(options.eval_every_steps, evaluation),
-                    EveryCallback(options.checkpoint_every_steps, checkpoint),
-                ]
-            )
+            callbacks: list[BaseCallback] = [
+                StopCallback(signals, began + options.seconds),
+                bar,
+                EveryCallback(options.eval_every_steps, evaluation),
+                EveryCallback(options.checkpoint_every_steps, checkpoint),
+            ]
+            if self.curriculum is not None:
+                callbacks.append(self.curriculum)
             if remaining > 0:
                 try:
-                    self.model.learn(remaining, callbacks, reset_num_timesteps=False)
+                    self.model.learn(remaining, CallbackList(callbacks), reset_num_timesteps=False)
                 finally:
                     bar.close()
             checkpoint()

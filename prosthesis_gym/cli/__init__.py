@@ -1,17 +1,17 @@
-"""Command line: `prosthesis-gym walk | render | bodies | accuracy | bench | torture | parameters`."""
+"""Command line: `prosthesis-gym walk | render | scenarios | bodies | accuracy | bench | torture | parameters`."""
 
 import argparse
 import os
 import sys
 from collections.abc import Sequence
 
-from prosthesis_gym.cli import accuracy, bench, bodies, parameters, render, torture, walk
+from prosthesis_gym.cli import accuracy, bench, bodies, parameters, render, scenarios, torture, walk
 
 _EXAMPLES = """\
 examples:
   prosthesis-gym walk
-  prosthesis-gym walk --profile trial40 --plot trial40.png --out trial40.parquet
-  prosthesis-gym render --profile trial40 --out trial40.mp4
+  prosthesis-gym walk --scenario trial40 --plot trial40.png --out trial40.parquet
+  prosthesis-gym render --scenario trial40 --out trial40.mp4
   prosthesis-gym bodies --out bodies.csv
   prosthesis-gym accuracy --episodes 512
   prosthesis-gym bench --walkers 1 4096
@@ -29,7 +29,7 @@ def new_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for command in (walk, render, bodies, accuracy, bench, torture, parameters):
+    for command in (walk, render, scenarios, bodies, accuracy, bench, torture, parameters):
         command.add_parser(commands)
     return parser
 

@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from prosthesis_gym.bodies import HEIGHT_M, BodyResult, save_bodies, walk_bodies
+from prosthesis_gym.bodies import HEIGHT_M
+from prosthesis_gym.body_walks import BodyResult, save_bodies, walk_bodies
 from prosthesis_gym.cli.parsers import Commands, new_parser
 from prosthesis_gym.cli.trial_options import DEFAULTS, SOLVERS
 from prosthesis_gym.config import apply_settings, merge

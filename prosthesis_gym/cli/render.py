@@ -13,9 +13,9 @@ from prosthesis_gym.trial import run_trial
 _EXAMPLES = """\
 examples:
   prosthesis-gym render --out walk.mp4                                  the state machine, 10 s
-  prosthesis-gym render --profile trial40 --window 0 12 --out start.gif --fps 25 --size 960x540
+  prosthesis-gym render --scenario trial40 --window 0 12 --out start.gif --fps 25 --size 960x540
   prosthesis-gym render constant:5 --speed 0.9 --slow-motion 4 --out slow.mp4
-  prosthesis-gym render runs/damper_ppo/policy --profile pushes --out pushed.mp4
+  prosthesis-gym render runs/damper_ppo/policy --scenario pushes --out pushed.mp4
   prosthesis-gym render --device motor --out stride.png                 six pictures of the last full stride
   prosthesis-gym render --set ground.slope_deg=-1 --at 5.2 --out down.png
 """

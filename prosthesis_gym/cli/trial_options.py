@@ -8,7 +8,7 @@ from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.policy import Policy
-from prosthesis_gym.profiles import PROFILES, load_profile
+from prosthesis_gym.scenarios import SCENARIOS, load_scenario
 
 #: An undisturbed walk from standing at one speed.
 DEFAULTS: dict[str, Any] = {
@@ -22,6 +22,7 @@ DEFAULTS: dict[str, Any] = {
         "push_n": 0.0,
     },
 }
+_WITHOUT_SCENARIO = {section: table for section, table in DEFAULTS.items() if section != "scenario"}
 #: Configurations of `--solver`.
 SOLVERS = {"fast": {"solver": resolve({})["solver"]}, "reference": REFERENCE_SOLVER}
 _CONTROLLERS = (
@@ -35,12 +36,12 @@ def add_trial_options(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
     group = parser.add_argument_group("what happens")
     add = group.add_argument
     add("--device", choices=list(DEVICES), help="knee unit (default: damper, or the policy's)")
-    add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a profile")
-    add("--profile", metavar="NAME|FILE", help=f"intent over time: {', '.join(PROFILES)}, or a file")
+    add("--speed", type=float, metavar="M/S", help="one intended speed (default: 1.1), instead of a scenario")
+    add("--scenario", "--profile", metavar="NAME|FILE", help=f"what happens: {', '.join(SCENARIOS)}, or a file")
     add("--mass", type=float, metavar="KG", help="mass of human and prosthesis (default: 75)")
     add("--height", type=float, metavar="M", help="body height (default: 1.77)")
     add("--start", choices=["standing", "cyclic"], help="default: standing, intent to walk from 1 s")
-    add("--duration", type=float, metavar="S", help="length of the trial (default: 10, or the profile's)")
+    add("--duration", type=float, metavar="S", help="length of the trial (default: 10, or the scenario's)")
     add("--solver", choices=sorted(SOLVERS), help="reference: converged (default); fast: as in training")
     add("--seed", type=int, default=0, metavar="N", help="of whatever the configuration leaves to chance (default: 0)")
     add("--config", type=Path, metavar="FILE", help="TOML file with any part of the configuration")
@@ -62,17 +63,18 @@ def configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | N
     """Return the configuration that the options describe, and the policy if the controller is one."""
     if arguments.seed < 0:
         raise ValueError(f"--seed = {arguments.seed} must be 0 or more")
-    if arguments.speed is not None and arguments.profile is not None:
-        raise ValueError(f"--speed {arguments.speed} and --profile {arguments.profile}: a profile has its own speeds")
-    config = DEFAULTS
+    if arguments.speed is not None and arguments.scenario is not None:
+        given = f"--speed {arguments.speed} and --scenario {arguments.scenario}"
+        raise ValueError(f"{given}: a scenario has its own speeds")
+    config = DEFAULTS if arguments.scenario is None else _WITHOUT_SCENARIO
     if arguments.config:
         config = merge(config, load_config(arguments.config))
     if arguments.device is not None:
         config = merge(config, {"device": {"kind": arguments.device}})
     if arguments.mass is not None or arguments.height is not None:
         config = merge(config, scaled_body(arguments.mass, arguments.height))
-    if arguments.profile is not None:
-        config = merge(config, {"scenario": load_profile(arguments.profile)})
+    if arguments.scenario is not None:
+        config = merge(config, load_scenario(arguments.scenario))
     config = merge(config, {"scenario": _scenario(arguments)})
     if arguments.solver is not None:
         config = merge(config, SOLVERS[arguments.solver])

@@ -16,17 +16,18 @@ from prosthesis_gym.trial import Trial, check_trial_path, run_trial, save_trial
 _EXAMPLES = """\
 examples:
   prosthesis-gym walk                                  from standing to 1.1 m/s, 10 s
-  prosthesis-gym walk --profile trial40 --plot trial40.png
+  prosthesis-gym walk --scenario trial40 --plot trial40.png
   prosthesis-gym walk --speed 1.3 --duration 20 --set knee.spring_nm_rad=1
   prosthesis-gym walk --mass 60 --height 1.65 --set ground.slope_deg=2
   prosthesis-gym walk --start cyclic --controller constant:0 --out no_damper.csv
-  prosthesis-gym walk --profile my_speeds.csv --json > strides.json
+  prosthesis-gym walk --scenario my_speeds.csv --json > strides.json
   prosthesis-gym walk --device motor --duration 12 --window 3.52 9.24
   prosthesis-gym walk --device friction --controller constant:4
 
-A profile file is a CSV with the columns time_s, speed_m_s, walk, or a TOML file with a list
-`profile` of {time_s, speed_m_s, walk}. What is given later in this list counts: the defaults of
-this command, --config, --profile, the other options, --set (keys: `prosthesis-gym parameters`).
+A scenario file is a TOML file with [scenario] and other sections of what a walker meets, or a CSV
+with the columns time_s, speed_m_s, walk; `prosthesis-gym scenarios` lists the presets. What is
+given later in this list counts: the defaults of this command, --config, --scenario (in place of
+the defaults' scenario), the other options, --set (keys: `prosthesis-gym parameters`).
 """
 
 #: Columns of the printed table: heading, measure, decimals.

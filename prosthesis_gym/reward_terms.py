@@ -1,0 +1,180 @@
+"""Reward terms of one's own: functions of what the walkers' channels say, beside the core's terms.
+
+A term may need channels that the agent must not see. Their groups are added to the core's observation, behind the
+others, and cut off before observations are handed out.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from prosthesis_gym import _core
+from prosthesis_gym.config import Config, merge
+
+
+@dataclass(frozen=True)
+class RewardTerm:
+    """A term of the reward, computed in Python from the newest frame of N walkers at once.
+
+    >>> RewardTerm("upright", -0.1, lambda channels: channels["true_trunk_angle_rad"] ** 2, groups=("privileged",))
+
+    Raises:
+        ValueError: no name, one that infos need for its mask, or a weight that is not finite.
+
+    """
+
+    #: Key of its unweighted values in `info["reward_terms"]`.
+    name: str
+    #: The reward gains weight * value in every env step.
+    weight: float
+    #: Takes name -> (N,) float64 of every channel of the newest frame (`prosthesis-gym parameters observation`) and
+    #: returns (N,). A step that ends an episode is judged by its final observation.
+    function: Callable[[Mapping[str, NDArray[np.float64]]], NDArray[Any]]
+    #: Observation groups whose channels the function needs beside those that the agent sees.
+    groups: Sequence[str] = ()
+
+    def __post_init__(self) -> None:
+        if not self.name or self.name.startswith("_"):
+            raise ValueError(f"name = {self.name!r} of a reward term must not be empty, nor begin with an underscore")
+        if isinstance(self.groups, str):
+            message = f"groups = {self.groups!r} of reward term {self.name!r} must be a list of names"
+            raise ValueError(message)  # noqa: TRY004 - bad input is a ValueError throughout
+        if not np.isfinite(self.weight):
+            raise ValueError(f"weight = {self.weight} of reward term {self.name!r} must be finite")
+
+    def values(self, channels: Mapping[str, NDArray[np.float64]], counted: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Return the term (N,) where `counted` is True, 0 elsewhere."""
+        values = np.asarray(self.function(channels))
+        if values.shape != counted.shape or values.dtype.kind not in "fiub":
+            raise ValueError(
+                f"reward term {self.name!r} gave shape {values.shape} and dtype {values.dtype}, "
+                f"must be numbers of shape {counted.shape}"
+            )
+        values = np.where(counted, values, 0.0)
+        if not np.isfinite(values).all():
+            index = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise ValueError(f"reward term {self.name!r} gave {values[index]} for walker {index}, must be finite")
+        return values
+
+
+@dataclass(frozen=True)
+class Step:
+    """A step of the core with the terms of `RewardTerms` and without their hidden channels; as `_core.Step`."""
+
+    observations: NDArray[np.float32]
+    rewards: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    terms: NDArray[np.float64]
+    reasons: NDArray[np.uint8]
+    started: NDArray[np.bool_]
+    eventful: bool
+    final_observations: NDArray[np.float32] | None
+    episode_returns: NDArray[np.float64]
+    episode_steps: NDArray[np.uint32]
+    episode_terms: NDArray[np.float64]
+
+
+class RewardTerms:
+    """The terms of one's own of N walkers, with their sums over the present episodes.
+
+    Args:
+        config: complete configuration of the environment, without the hidden groups.
+        terms: in the order of their columns, behind the core's.
+        num_envs: N.
+
+    Raises:
+        ValueError: two terms of one name, or one of the core's names; an unknown group.
+
+    """
+
+    def __init__(self, config: Config, terms: Sequence[RewardTerm], num_envs: int) -> None:
+        names = list(_core.TERMS)
+        for term in terms:
+            if term.name in names:
+                taken = "built in" if term.name in _core.TERMS else "given twice"
+                raise ValueError(f"reward term {term.name!r} is {taken}; names must differ")
+            names.append(term.name)
+        self.terms = tuple(terms)
+        #: Names of all terms, in the order of their columns.
+        self.names = tuple(names)
+        groups = config["observation"]["groups"]
+        needed = dict.fromkeys(group for term in terms for group in term.groups)
+        hidden = [group for group in needed if group not in groups]
+        #: Configuration of the core's batch.
+        self.core_config = merge(config, {"observation": {"groups": [*groups, *hidden]}}) if hidden else config
+        self._channels = [channel[0] for channel in _core.channels(self.core_config)]
+        self._seen = len(_core.channels(config))
+        self._frames: int = config["observation"]["frames"]
+        self._sums = np.zeros((num_envs, len(terms)))
+        self._returns = np.zeros(num_envs)
+
+    def visible(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the core's observations (N, D') without hidden channels, (N, D)."""
+        if self._seen == len(self._channels):
+            return observations
+        frames = observations.reshape(len(observations), self._frames, len(self._channels))
+        return np.ascontiguousarray(frames[:, :, : self._seen]).reshape(len(observations), -1)
+
+    def reset(self, mask: NDArray[np.bool_]) -> None:
+        """Begin new episodes of the walkers in `mask`."""
+        self._sums[mask], self._returns[mask] = 0.0, 0.0
+
+    def applied(self, step: _core.Step) -> "_core.Step | Step":
+        """Return a step of the core with these terms and without hidden channels."""
+        if not self.terms:
+            return step
+        started, finals = step.started, step.final_observations
+        # A walker that was reset in this step judges its old episode's end, or (reset late) nothing at all.
+        counted = ~started if finals is None else np.ones_like(started)
+        judged = step.observations if finals is None else np.where(started[:, None], finals, step.observations)
+        newest = judged[:, : len(self._channels)].T.astype(np.float64)
+        newest.flags.writeable = False
+        channels = dict(zip(self._channels, newest, strict=True))
+        values = np.stack([term.values(channels, counted) for term in self.terms], axis=1)
+        # Not a matrix product, whose rounding depends on how many walkers there are.
+        gained = np.zeros(len(started))
+        for term, column in zip(self.terms, values.T, strict=True):
+            gained += term.weight * column
+        self._sums += values
+        self._returns += gained
+        ended = step.terminated | step.truncated
+        own = np.where(ended[:, None], self._sums, 0.0)
+        applied = Step(
+            observations=self.visible(step.observations),
+            rewards=step.rewards + gained,
+            terminated=step.terminated,
+            truncated=step.truncated,
+            terms=np.hstack([step.terms, values]),
+            reasons=step.reasons,
+            started=started,
+            eventful=step.eventful,
+            final_observations=None if finals is None else self.visible(finals),
+            episode_returns=step.episode_returns + self._returns,
+            episode_steps=step.episode_steps,
+            episode_terms=np.hstack([step.episode_terms, own]),
+        )
+        self.reset(started)
+        return applied
+
+    def sums(self, indices: Sequence[int]) -> dict[str, Any]:
+        """Return what these terms have gathered in the episodes of some walkers, as JSON has it."""
+        return {
+            "names": [term.name for term in self.terms],
+            "sums": self._sums[indices].tolist(),
+            "returns": self._returns[indices].tolist(),
+        }
+
+    def check_sums(self, saved: Mapping[str, Any]) -> None:
+        """Raise a ValueError unless `saved` are sums of these terms."""
+        names = [term.name for term in self.terms]
+        if saved["names"] != names:
+            raise ValueError(f"state has the reward terms {saved['names']}, must have {names}")
+
+    def set_sums(self, saved: Mapping[str, Any], indices: Sequence[int]) -> None:
+        """Put back what `sums` returned, for as many walkers or for one that goes to all of them."""
+        self._sums[indices] = np.array(saved["sums"]).reshape(len(saved["sums"]), len(self.terms))
+        self._returns[indices] = np.array(saved["returns"])
