@@ -115,6 +115,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         }
         self._seeded = False
         self._all = np.ones(num_envs, dtype=np.bool_)
+        self._all.flags.writeable = False  # infos hand it out
         self._term_masks = dict.fromkeys((f"_{name}" for name in self.walkers.terms.names), self._all)
 
     @property

@@ -104,6 +104,15 @@ impl Push {
         self.first_sample as f64 * CONTROL_PERIOD_S
     }
 
+    /// First sample after `sample`, at which the force was asked for last, when it may be another.
+    fn next_change(&self, sample: u64) -> u64 {
+        match self.begun {
+            None => self.first_sample.max(sample + 1),
+            Some(begun) if sample < begun + self.samples => begun + self.samples,
+            Some(_) => u64::MAX,
+        }
+    }
+
     /// Force during the control period that starts at `sample`. `time_at` tells when the current step reaches a phase, s.
     fn force(&mut self, sample: u64, time_at: &impl Fn(f64) -> f64) -> TrunkPush {
         if self.begun.is_none() && sample >= self.first_sample {
@@ -237,6 +246,14 @@ impl Disturbance {
     }
 }
 
+impl Disturbance {
+    /// First sample after `sample`, at which the force was asked for last, when it may be another.
+    pub fn next_change(&self, sample: u64) -> u64 {
+        let gust = if self.gusts.is_some() { sample + 1 } else { u64::MAX };
+        self.pushes.iter().map(|push| push.next_change(sample)).fold(gust, u64::min)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -265,6 +282,25 @@ mod tests {
         assert_eq!(acting(&mut disturbance, 1000, steps), (420..430).collect::<Vec<_>>());
         let mut standing = pushes(Push::new(FORCE, 1.2, 0.05, Some(0.1)));
         assert!(acting(&mut standing, 1000, |_, _| f64::INFINITY).is_empty());
+    }
+
+    #[test]
+    fn the_force_stays_what_it_is_until_its_next_change() {
+        let listed = |time_s: f64, phase: Option<f64>| Push::new(FORCE, time_s, 0.05, phase);
+        let time_at = |sample: u64, phase: f64| (sample as f64 * CONTROL_PERIOD_S + 1e-9).floor() + phase;
+        let mut disturbance = Disturbance { pushes: vec![listed(0.1, None), listed(1.2, Some(0.1))], gusts: None };
+        let (mut force, mut next, mut asked) = (TrunkPush::default(), 0, 0);
+        for sample in 0..1000 {
+            let truth = disturbance.clone().force(sample, |phase| time_at(sample, phase));
+            if sample >= next {
+                force = disturbance.force(sample, |phase| time_at(sample, phase));
+                next = disturbance.next_change(sample);
+                asked += 1;
+            }
+            assert_eq!(force, truth, "{sample}");
+        }
+        // Only while the second push waits for its phase is it asked every time.
+        assert!(asked < 200 && next == u64::MAX, "{asked}");
     }
 
     #[test]

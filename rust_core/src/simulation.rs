@@ -65,6 +65,9 @@ pub struct Simulation<const L: usize> {
     pub state_machine_command: [f64; L],
     /// Control periods since the start of the trial.
     pub sample: [u64; L],
+    /// Samples until which intent and disturbance stay what they are: far memory is not asked every time.
+    next_intent: [u64; L],
+    next_push: [u64; L],
     episode: [Option<Episode>; L],
 }
 
@@ -136,6 +139,8 @@ impl<const L: usize> Simulation<L> {
             state_machine: [model.reference.start(); L],
             state_machine_command: [0.0; L],
             sample: [0; L],
+            next_intent: [0; L],
+            next_push: [0; L],
             episode: std::array::from_fn(|_| None),
         }
     }
@@ -149,6 +154,7 @@ impl<const L: usize> Simulation<L> {
         self.sensors.seed[lane] = episode.sensor_seed;
         self.state_machine[lane] = model.reference.start();
         self.sample[lane] = 0;
+        (self.next_intent[lane], self.next_push[lane]) = (0, 0);
         self.episode[lane] = Some(episode);
     }
 
@@ -184,6 +190,7 @@ impl<const L: usize> Simulation<L> {
         self.state_machine[lane] = saved.state_machine;
         self.state_machine_command[lane] = saved.state_machine_command;
         self.sample[lane] = saved.sample;
+        (self.next_intent[lane], self.next_push[lane]) = (0, 0);
     }
 
     /// The human-prosthesis system and its state.
@@ -264,8 +271,13 @@ impl<const L: usize> Simulation<L> {
     #[inline(always)]
     fn set_intent(&mut self) {
         for lane in 0..L {
-            let time = self.sample[lane] as f64 * CONTROL_PERIOD_S;
-            self.walkers.intent[lane] = f64::from(u8::from(self.walkers.profile[lane].walks(time)));
+            let sample = self.sample[lane];
+            if sample >= self.next_intent[lane] {
+                let (time, profile) = (sample as f64 * CONTROL_PERIOD_S, &self.walkers.profile[lane]);
+                self.walkers.intent[lane] = f64::from(u8::from(profile.walks(time)));
+                // Rounded down: a sample too early only means to look again.
+                self.next_intent[lane] = ((profile.next_knot_s(time) / CONTROL_PERIOD_S) as u64).max(sample + 1);
+            }
         }
     }
 
@@ -273,10 +285,15 @@ impl<const L: usize> Simulation<L> {
     #[inline(always)]
     fn disturb(&mut self) {
         for lane in 0..L {
+            let sample = self.sample[lane];
+            if sample < self.next_push[lane] {
+                continue;
+            }
             let Some(episode) = &mut self.episode[lane] else { continue };
             let memory = self.walkers.memory(lane);
-            let push = episode.disturbance.force(self.sample[lane], |phase| memory.time_at(phase));
+            let push = episode.disturbance.force(sample, |phase| memory.time_at(phase));
             (self.walkers.push_x[lane], self.walkers.push_y[lane]) = (push.x, push.y);
+            self.next_push[lane] = episode.disturbance.next_change(sample);
         }
     }
 

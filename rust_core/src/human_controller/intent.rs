@@ -69,6 +69,11 @@ impl Profile {
         }
     }
 
+    /// Time of the first knot after `time`, s; infinite after the last.
+    pub fn next_knot_s(&self, time: f64) -> f64 {
+        self.knots.iter().map(|knot| knot.time_s).find(|&knot_s| knot_s > time).unwrap_or(f64::INFINITY)
+    }
+
     /// Whether the human intends to walk.
     pub fn walks(&self, time: f64) -> bool {
         self.knots.get(self.last_knot(time)).is_some_and(|knot| knot.time_s <= time && knot.walk)
