@@ -115,8 +115,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         }
         self._seeded = False
         self._all = np.ones(num_envs, dtype=np.bool_)
-        self._all.flags.writeable = False  # infos hand it out
-        self._term_masks = dict.fromkeys((f"_{name}" for name in self.walkers.terms.names), self._all)
+        self._term_masks = [f"_{name}" for name in self.walkers.terms.names]
 
     @property
     def observation_groups(self) -> dict[str, NDArray[np.intp]]:
@@ -249,8 +248,9 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             self.rendering.step()
         names, terms = self.walkers.terms.names, step.terms
         if not step.eventful:
-            named = dict(zip(names, terms.T, strict=True)) | self._term_masks
-            infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": self._all}
+            present = ~step.started  # of its own in every step: callers may change what they are given
+            named = dict(zip(names, terms.T, strict=True)) | dict.fromkeys(self._term_masks, present)
+            infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
         else:
             reasons, finals, started = step.reasons, step.final_observations, step.started
             if finals is not None:
