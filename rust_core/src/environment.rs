@@ -10,16 +10,16 @@ use rand_pcg::Pcg64;
 
 use crate::config::Config;
 use crate::error::Result;
-use crate::math::{SPLITMIX_STEP, max, scramble, select};
+use crate::judgement;
+use crate::math::{SPLITMIX_STEP, scramble};
 use crate::prosthesis_controller::agent::observation::{Sight, Truth};
 use crate::prosthesis_controller::agent::{ActionMap, Actuation, Actuations, ObservationMap};
 use crate::randomisation::Randomiser;
 use crate::recorder::{self, Recorder, Row};
-use crate::reward::{self, Outcome, TERMS, Terms, TermsLanes};
+use crate::reward::{TERMS, Terms, TermsLanes};
 use crate::scenario::Episode;
-use crate::signals::GRAVITY;
 use crate::simulation::{Model, Sampled, SavedWalker, Scratch, Simulation};
-use crate::termination::{Posture, PostureLanes, Reason, TerminationParams};
+use crate::termination::Reason;
 
 /// What happens to an environment after its episode has ended (Gymnasium's `AutoresetMode`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -358,7 +358,10 @@ impl<const L: usize> Environments<L> {
                 }
             }
             self.simulation.advance(model, &commands, scratch);
-            let (period_terms, period_reasons) = self.judge(setup, model, scratch, &changes);
+            let sampled = Sampled { model, simulation: &self.simulation, scratch };
+            let limits = &setup.config.termination;
+            let (period_terms, period_reasons) =
+                judgement::judge(&sampled, limits, &self.fall_height, setup.last_sample, &changes);
             for lane in 0..used {
                 if skipped[lane] || reasons[lane] != Reason::None {
                     continue;
@@ -424,76 +427,6 @@ impl<const L: usize> Environments<L> {
             self.start(setup, model, starting, scratch);
         }
         output.observations.copy_from_slice(&self.observations[..used]);
-    }
-
-    /// Terms of the control period that has just passed, and which of the lanes it has ended and why.
-    #[inline(always)]
-    fn judge(
-        &self,
-        setup: &Setup,
-        model: &Model<L>,
-        scratch: &Scratch<L>,
-        changes: &[f64; L],
-    ) -> (TermsLanes<L>, [Reason; L]) {
-        let sampled = Sampled { model, simulation: &self.simulation, scratch };
-        let limits = &setup.config.termination;
-        let mut postures = PostureLanes::<L>::default();
-        for lane in 0..L {
-            postures.set(lane, posture(&sampled, self.fall_height[lane], lane));
-        }
-        let mut failed = [false; L];
-        for lane in 0..L {
-            failed[lane] = limits.ends(&postures.get(lane));
-        }
-        let mut terms = TermsLanes::default();
-        for lane in 0..L {
-            let diverged = TerminationParams::diverged(&postures.get(lane));
-            terms.set(lane, reward::terms(&outcome(&sampled, lane, changes[lane]), failed[lane], diverged));
-        }
-        let reasons = std::array::from_fn(|lane| {
-            if failed[lane] {
-                limits.reason(&postures.get(lane))
-            } else if self.simulation.sample[lane] >= setup.last_sample {
-                Reason::TimeLimit
-            } else {
-                Reason::None
-            }
-        });
-        (terms, reasons)
-    }
-}
-
-#[inline(always)]
-fn posture<const L: usize>(sampled: &Sampled<'_, L>, fall_height: f64, lane: usize) -> Posture {
-    let plant = sampled.plant();
-    let motion = plant.motion(lane);
-    Posture {
-        hip_clearance: plant.hip_height(lane) - fall_height,
-        knee_flexion: plant.knee_flexion(lane),
-        ankle: plant.joints(lane).ankle,
-        fastest_rad_s: max(max(motion.thigh_rate.abs(), motion.shank_rate.abs()), motion.foot_rate.abs()),
-        extension_stop_nm: sampled.simulation.walkers.extension_stop_peak[lane],
-        checksum: sampled.simulation.state.checksum(lane),
-    }
-}
-
-#[inline(always)]
-fn outcome<const L: usize>(sampled: &Sampled<'_, L>, lane: usize, command_change: f64) -> Outcome {
-    let plant = sampled.plant();
-    let mass = plant.body(lane).mass;
-    let [rear, front] = plant.sole_load(lane);
-    let heel_speed = select(plant.contact_force(0, lane) > 0.0, plant.foot_point(0, lane).vx, 0.0);
-    let ball_speed = select(plant.contact_force(1, lane) > 0.0, plant.foot_point(1, lane).vx, 0.0);
-    Outcome {
-        extension_stop_peak: sampled.simulation.walkers.extension_stop_peak[lane],
-        mass,
-        hip_power: plant.hip_torque(lane) * plant.joints(lane).hip_rate,
-        electrical_power: plant.electrical_powers(lane)[0],
-        knee_angle: plant.knee_flexion(lane),
-        tube_force_bw: sampled.scratch.truth.tube_force_bw[lane],
-        ground_force_bw: (rear + front) / (mass * GRAVITY),
-        sole_speed: max(max(heel_speed, ball_speed), 0.0),
-        command_change,
     }
 }
 

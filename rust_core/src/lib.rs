@@ -39,6 +39,7 @@ pub mod terrain;
 pub mod batch;
 pub mod config;
 pub mod environment;
+pub mod judgement;
 #[cfg(feature = "python")]
 mod python;
 pub mod recorder;
