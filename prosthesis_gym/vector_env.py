@@ -81,6 +81,9 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 - as Gymnasium declares it
 
+    # Gymnasium 1.2 closes what was never finished: a refused configuration must not trip over this.
+    rendering: BatchRendering | None = None
+
     def __init__(
         self,
         num_envs: int = 1,
