@@ -3,6 +3,7 @@
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 from _pytest.mark import ParameterSet
@@ -10,6 +11,7 @@ from _pytest.mark import ParameterSet
 from docs.generate import COMMAND, generate, stale_pages
 from docs.tables import TABLES
 from prosthesis_gym.cli import new_parser
+from prosthesis_gym.trial import Trial
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -51,7 +53,10 @@ def test_python_runs(place: str, code: str, tmp_path: Path, monkeypatch: pytest.
     monkeypatch.chdir(tmp_path)
     if "ray.rllib" in code:
         pytest.importorskip("ray.rllib", reason="RLlib is in the virtual environment of .ci/contracts")
-    exec(compile(code, place, "exec"), {"__name__": "__main__"})
+    names: dict[str, Any] = {"__name__": "__main__"}
+    exec(compile(code, place, "exec"), names)
+    if isinstance(names.get("trial"), Trial):
+        assert names["trial"].outcome == "walking", "a document shows a walker that falls"
 
 
 @pytest.mark.parametrize("command", [words for _, words in COMMANDS], ids=[line for line, _ in COMMANDS])

@@ -204,11 +204,15 @@ impl Batch {
         Ok(())
     }
 
-    /// Copies the newest observations, (N, observation size), normalised if that is asked for.
-    pub fn observations(&mut self, into: &mut [f32]) {
+    /// Copies the newest observations, (N, observation size), normalised if that is asked for. Those in the mask `new` are seen
+    /// for the first time: the others have been learnt from already.
+    pub fn observations(&mut self, new: &[bool], into: &mut [f32]) {
         self.raw_observations(into);
         if let Some(normaliser) = &mut self.normaliser {
-            normaliser.see(into);
+            let size = self.setup.observation_size();
+            let rows: Vec<f32> =
+                into.chunks_exact(size).zip(new).filter(|(_, new)| **new).flat_map(|(row, _)| row).copied().collect();
+            normaliser.see(&rows);
             normaliser.normalise(into);
         }
     }

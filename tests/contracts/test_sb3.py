@@ -209,6 +209,10 @@ def test_observation_moments_are_those_of_all_observations_and_can_be_frozen() -
     assert moments.number == len(rows)
     np.testing.assert_allclose(moments.mean, rows.mean(axis=0), rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(moments.variance, rows.var(axis=0), rtol=1e-9, atol=1e-12)
+    env.envs.reset(options={"reset_mask": np.arange(12) < 5})
+    assert env.observation_moments.number == len(rows) + 5
+    env.envs.set_state(env.envs.get_state())
+    assert env.observation_moments.number == len(rows) + 5
     env.set_observation_moments(moments, learns=False)
     play(env, 10, 12)
     assert env.observation_moments.number == len(rows)

@@ -115,7 +115,7 @@ impl PyBatch {
         let seeds = seeds.as_ref().map(|seeds| seeds.as_slice()).transpose()?;
         self.batch.reset(seeds, mask)?;
         let observations = PyArray2::zeros(py, [self.batch.num_envs(), self.batch.observation_size()], false);
-        self.batch.observations(observations.readwrite().as_slice_mut()?);
+        self.batch.observations(mask, observations.readwrite().as_slice_mut()?);
         Ok(observations)
     }
 
