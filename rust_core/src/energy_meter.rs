@@ -60,6 +60,16 @@ impl<const L: usize> StateVector<L> for MeteredState<L> {
             }
         }
     }
+
+    fn accumulate(&mut self, step: &[f64; L], rate: &Self) {
+        self.state.accumulate(step, &rate.state);
+        for power in 0..POWERS {
+            for lane in 0..L {
+                self.meter.work[power][lane] += step[lane] * rate.meter.work[power][lane];
+                self.meter.exchanged[power][lane] += step[lane] * rate.meter.exchanged[power][lane];
+            }
+        }
+    }
 }
 
 /// The plant with its work integrated beside its state, by the same quadrature.

@@ -4,6 +4,9 @@
 pub trait StateVector<const L: usize>: Clone {
     /// `self = base + step * rate`, lane by lane.
     fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self);
+
+    /// `self += step * rate`, lane by lane.
+    fn accumulate(&mut self, step: &[f64; L], rate: &Self);
 }
 
 /// A continuous flow `dy/dt = f(y)`, interrupted by events that change it.
@@ -46,14 +49,43 @@ pub enum Stepper {
     TwoStageW,
 }
 
-/// With R(y, g) = (I - g J)^-1 f(y) the step is `y - h R(y, 2 GOLDEN h) + 2 h R(y + h/4 R(y, 2 GOLDEN h), GOLDEN h)`.
-///
+/// One stage of a method: `rate = R(y + reach h (last rate), implicit h)` with R(y, g) = (I - g J)^-1 f(y), and the step adds
+/// `weight h rate`. Every method here reaches each stage from the rate before it alone.
+#[derive(Clone, Copy, Debug)]
+struct Stage {
+    reach: f64,
+    implicit: f64,
+    weight: f64,
+}
+
+const fn stage(reach: f64, implicit: f64, weight: f64) -> Stage {
+    Stage { reach, implicit, weight }
+}
+
+const RK4: [Stage; 4] = [
+    stage(0.0, 0.0, 1.0 / 6.0),
+    stage(0.5, 0.0, 1.0 / 3.0),
+    stage(0.5, 0.0, 1.0 / 3.0),
+    stage(1.0, 0.0, 1.0 / 6.0),
+];
+
+const LINEARLY_IMPLICIT_EULER: [Stage; 1] = [stage(0.0, 1.0, 1.0)];
+
 /// For any J: the weights -1 and 2 add up to 1, 2 times 1/4 is 1/2, and -1 times 2 GOLDEN plus 2 times GOLDEN is 0, so what J
 /// holds cancels to second order. The stability function then tends to 1 - 3/(2 g) + 1/(4 g^2) for stiff decays, which is 0
 /// at g = (3 - sqrt 5) / 4: A-stable (checked in tests), and stiff decays die at once.
+const TWO_STAGE_W: [Stage; 2] = [stage(0.0, 2.0 * GOLDEN, -1.0), stage(0.25, GOLDEN, 2.0)];
 const GOLDEN: f64 = 0.190_983_005_625_052_57;
 
 impl Stepper {
+    const fn stages(self) -> &'static [Stage] {
+        match self {
+            Self::Rk4 => &RK4,
+            Self::LinearlyImplicitEuler => &LINEARLY_IMPLICIT_EULER,
+            Self::TwoStageW => &TWO_STAGE_W,
+        }
+    }
+
     /// Order of convergence for a smooth flow; that of the linearly implicit Euler needs the full Jacobian.
     pub const fn order(self) -> u32 {
         match self {
@@ -79,14 +111,14 @@ impl Stepper {
 #[derive(Clone, Debug)]
 pub struct Workspace<S> {
     start: S,
-    stage: S,
-    rates: [S; 4],
+    sum: S,
+    rate: S,
 }
 
 impl<S: Clone> Workspace<S> {
     /// Storage for states shaped like `state`.
     pub fn new(state: &S) -> Self {
-        Self { start: state.clone(), stage: state.clone(), rates: std::array::from_fn(|_| state.clone()) }
+        Self { start: state.clone(), sum: state.clone(), rate: state.clone() }
     }
 }
 
@@ -103,132 +135,92 @@ pub fn advance<const L: usize, F: HybridFlow<L>>(
     duration: f64,
     steps: usize,
 ) {
-    let full_step = [duration / steps as f64; L];
     for _ in 0..steps {
-        if stepper.bisections() > 0 {
-            advance_locating(flow, state, work, stepper, full_step);
-        } else {
-            step(flow, state, work, stepper, &full_step);
-            flow.sense(state);
-            let fired = flow.fired(state);
-            if fired.contains(&true) {
-                flow.transition(state, &fired);
-            }
-            flow.accept(state);
-        }
+        advance_step(flow, state, work, stepper, [duration / steps as f64; L]);
     }
 }
 
-/// Advances every lane by its `remaining` time, splitting the step of a lane at each of its events.
+/// Advances every lane by its `remaining` time, splitting the step of a lane at each event that has to be located.
+///
+/// One loop around a single call of [`step`]: what a step evaluates is a large part of an instruction cache.
 #[inline(always)]
-fn advance_locating<const L: usize, F: HybridFlow<L>>(
+fn advance_step<const L: usize, F: HybridFlow<L>>(
     flow: &mut F,
     state: &mut F::State,
     work: &mut Workspace<F::State>,
     stepper: Stepper,
     mut remaining: [f64; L],
 ) {
-    for _ in 0..MOST_EVENTS {
-        work.start = state.clone();
-        step(flow, state, work, stepper, &remaining);
-        flow.sense(state);
-        let fired = flow.fired(state);
-        let located = to_locate(flow, state, stepper, &fired);
-        if !located.contains(&true) {
-            // Events that the stepper need not locate happen at the step's end.
-            if fired.contains(&true) {
-                flow.transition(state, &fired);
+    let bisections = stepper.bisections();
+    for piece in 0..=MOST_EVENTS {
+        work.start.clone_from(state);
+        let (mut before, mut after, mut trial) = ([0.0; L], remaining, remaining);
+        let mut located = [false; L];
+        // The whole step; where that passes an event, bisections, and then the step up to the event's far side.
+        for attempt in 0..=bisections + 1 {
+            step(flow, state, work, stepper.stages(), &trial);
+            let happened =
+                if bisections == 0 || piece == MOST_EVENTS { [false; L] } else { to_locate(flow, state, stepper) };
+            if attempt == 0 {
+                located = happened;
             }
-            flow.accept(state);
-            return;
-        }
-        // A lane without an event repeats its whole step, so that nothing it evaluates depends on its neighbours.
-        let (mut before, mut after) = ([0.0; L], remaining);
-        for _ in 0..stepper.bisections() {
-            let middle =
-                std::array::from_fn(
-                    |lane| if located[lane] { 0.5 * (before[lane] + after[lane]) } else { after[lane] },
-                );
-            *state = work.start.clone();
-            flow.sense(state);
-            step(flow, state, work, stepper, &middle);
-            flow.sense(state);
-            let happened = to_locate(flow, state, stepper, &flow.fired(state));
-            for lane in (0..L).filter(|&lane| located[lane]) {
+            if !located.contains(&true) || attempt > bisections {
+                break;
+            }
+            for lane in (0..L).filter(|&lane| located[lane] && attempt > 0) {
                 let bound = if happened[lane] { &mut after } else { &mut before };
-                bound[lane] = middle[lane];
+                bound[lane] = trial[lane];
             }
-        }
-        *state = work.start.clone();
-        flow.sense(state);
-        step(flow, state, work, stepper, &after);
-        flow.sense(state);
-        let fired = flow.fired(state);
-        if fired.contains(&true) {
-            flow.transition(state, &fired);
+            // A lane without an event repeats its whole step, so that nothing it evaluates depends on its neighbours.
+            for lane in 0..L {
+                let between = located[lane] && attempt < bisections;
+                trial[lane] = if between { 0.5 * (before[lane] + after[lane]) } else { after[lane] };
+            }
+            state.clone_from(&work.start);
             flow.sense(state);
+        }
+        let fired = flow.fired(state);
+        if piece < MOST_EVENTS && fired.contains(&true) {
+            flow.transition(state, &fired);
         }
         flow.accept(state);
+        if !located.contains(&true) {
+            return;
+        }
+        flow.sense(state);
         for lane in 0..L {
             remaining[lane] -= after[lane];
         }
     }
-    step(flow, state, work, stepper, &remaining);
-    flow.sense(state);
-    flow.accept(state);
 }
 
 /// In which lanes the stepper has to split its step.
 #[inline(always)]
-fn to_locate<const L: usize, F: HybridFlow<L>>(
-    flow: &F,
-    state: &F::State,
-    stepper: Stepper,
-    fired: &[bool; L],
-) -> [bool; L] {
-    if stepper == Stepper::Rk4 { *fired } else { flow.urgent(state, fired) }
+fn to_locate<const L: usize, F: HybridFlow<L>>(flow: &F, state: &F::State, stepper: Stepper) -> [bool; L] {
+    let fired = flow.fired(state);
+    if stepper == Stepper::Rk4 { fired } else { flow.urgent(state, &fired) }
 }
 
-/// One step of size `step` per lane from the sensed `state`.
+/// One step of size `step` per lane from the sensed `state`, which is also in `work.start`. The state is sensed on return.
 #[inline(always)]
 fn step<const L: usize, F: HybridFlow<L>>(
     flow: &mut F,
     state: &mut F::State,
     work: &mut Workspace<F::State>,
-    stepper: Stepper,
+    stages: &[Stage],
     step: &[f64; L],
 ) {
-    match stepper {
-        Stepper::LinearlyImplicitEuler => {
-            flow.rates(state, step, &mut work.rates[0]);
-            work.stage.add_scaled(state, step, &work.rates[0]);
-            std::mem::swap(state, &mut work.stage);
+    let Workspace { start, sum, rate } = work;
+    sum.clone_from(start);
+    for (i, stage) in stages.iter().enumerate() {
+        flow.rates(state, &step.map(|h| stage.implicit * h), rate);
+        let gain = step.map(|h| stage.weight * h);
+        if let Some(next) = stages.get(i + 1) {
+            sum.accumulate(&gain, rate);
+            state.add_scaled(start, &step.map(|h| next.reach * h), rate);
+        } else {
+            state.add_scaled(sum, &gain, rate);
         }
-        Stepper::TwoStageW => {
-            let scaled = |factor: f64| step.map(|h| factor * h);
-            let (first, second) = work.rates.split_at_mut(1);
-            flow.rates(state, &scaled(2.0 * GOLDEN), &mut first[0]);
-            work.stage.add_scaled(state, &scaled(0.25), &first[0]);
-            flow.sense(&work.stage);
-            flow.rates(&work.stage, &scaled(GOLDEN), &mut second[0]);
-            work.stage.add_scaled(state, &scaled(-1.0), &first[0]);
-            state.add_scaled(&work.stage, &scaled(2.0), &second[0]);
-        }
-        Stepper::Rk4 => {
-            const EXPLICIT: f64 = 0.0;
-            let explicit = [EXPLICIT; L];
-            let scaled = |factor: f64| step.map(|h| factor * h);
-            flow.rates(state, &explicit, &mut work.rates[0]);
-            for (stage, fraction) in [(1, 0.5), (2, 0.5), (3, 1.0)] {
-                let (done, todo) = work.rates.split_at_mut(stage);
-                work.stage.add_scaled(state, &scaled(fraction), &done[stage - 1]);
-                flow.sense(&work.stage);
-                flow.rates(&work.stage, &explicit, &mut todo[0]);
-            }
-            for (rates, weight) in work.rates.iter().zip([1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0]) {
-                work.stage.add_scaled(state, &scaled(weight), rates);
-                std::mem::swap(state, &mut work.stage);
-            }
-        }
+        flow.sense(state);
     }
 }

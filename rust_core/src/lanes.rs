@@ -45,6 +45,10 @@ macro_rules! integrable {
             fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
                 $(for lane in 0..L { self.$field[lane] = base.$field[lane] + step[lane] * rate.$field[lane]; })+
             }
+            #[inline(always)]
+            fn accumulate(&mut self, step: &[f64; L], rate: &Self) {
+                $(for lane in 0..L { self.$field[lane] += step[lane] * rate.$field[lane]; })+
+            }
         }
     };
 }
