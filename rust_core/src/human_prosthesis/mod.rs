@@ -227,6 +227,7 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
 
     #[inline(always)]
     fn sense(&mut self, state: &State<L>) {
+        self.sense_trunk_forces(state);
         if let Some(mut general) = self.signals.general.take() {
             self.lend().sense_general(&mut general, state);
             self.signals.general = Some(general);
@@ -235,7 +236,6 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
         } else {
             self.sense_walker::<false>(state);
         }
-        self.sense_trunk_forces(state);
         self.sense_command(state);
     }
 
