@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use crate::config::Config;
 use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup, StepOutput};
 use crate::error::{Error, Result};
+use crate::lanes::vectorised;
 use crate::params::within;
 use crate::randomisation::Randomiser;
 use crate::recorder::{Recorder, Row};
@@ -56,7 +57,7 @@ struct Walking<const L: usize> {
 }
 
 macro_rules! block {
-    ($width:expr, $step:expr, $scratch:ident) => {
+    ($width:expr, $scratch:ident) => {
         impl Block for Walking<$width> {
             fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches) {
                 let lanes = std::array::from_fn(|lane| mask.get(lane).is_some_and(|&selected| selected));
@@ -66,7 +67,7 @@ macro_rules! block {
             }
             fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches) {
                 let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
-                let starting = $step(&mut self.environments, setup, &self.model, actions, output, scratch);
+                let starting = step(&mut self.environments, setup, &self.model, actions, output, scratch);
                 self.environments.finish(setup, &mut self.model, &starting, output, scratch);
             }
             fn observations(&self) -> &[f32] {
@@ -103,23 +104,21 @@ macro_rules! block {
         }
     };
 }
-block!(1, Environments::<1>::step, narrow);
-block!(LANES, step_wide, wide);
+block!(1, narrow);
+block!(LANES, wide);
 
-/// One step of a wide block, compiled for each vector unit and chosen at run time.
-#[multiversion::multiversion(targets(
-    "x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx512cd+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
-fn step_wide(
-    block: &mut Environments<LANES>,
-    setup: &Setup,
-    model: &Model<LANES>,
-    actions: &[f64],
-    output: &mut StepOutput<'_>,
-    scratch: &mut Scratch<LANES>,
-) -> [bool; LANES] {
-    block.step(setup, model, actions, output, scratch)
+vectorised! {
+    /// One step of a block.
+    fn step<const L: usize>(
+        block: &mut Environments<L>,
+        setup: &Setup,
+        model: &Model<L>,
+        actions: &[f64],
+        output: &mut StepOutput<'_>,
+        scratch: &mut Scratch<L>,
+    ) -> [bool; L] {
+        block.step(setup, model, actions, output, scratch)
+    }
 }
 
 /// N environments.

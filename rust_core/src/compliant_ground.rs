@@ -1,7 +1,7 @@
 //! Compliant ground: nonlinear spring-damper with Coulomb friction per contact point (section 3.3; Azad & Featherstone 2010).
 
 use crate::lanes::lanes;
-use crate::math::{max, select};
+use crate::math::{FusedSum, max, select};
 use crate::params::{above, params, within};
 
 params! {
@@ -86,10 +86,10 @@ pub fn contact(ground: &Ground, height: f64, vx: f64, vy: f64, deformation: f64)
     let depth = max(-height, 0.0);
     let root = depth.sqrt();
     // Forces over the root of the depth: K z - D y' and K u + D x'.
-    let pressing = ground.stiffness * depth - ground.damping * vy;
+    let pressing = (ground.stiffness * depth).less(ground.damping, vy);
     let pushes = (depth > 0.0) & (pressing > 0.0);
     let push = select(pushes, pressing, 0.0);
-    let sticking = -(ground.stiffness * deformation + ground.damping * vx);
+    let sticking = -(ground.stiffness * deformation).plus(ground.damping, vx);
     let limit = ground.friction * push;
     let slips = sticking.abs() > limit;
     let drag = select(slips, limit.copysign(sticking), sticking);
@@ -112,7 +112,7 @@ pub fn contact(ground: &Ground, height: f64, vx: f64, vy: f64, deformation: f64)
 #[inline(always)]
 pub fn deformation_rate(ground: &Ground, contact: &Contact, deformation: f64, vx: f64, step: f64) -> f64 {
     let sticks = contact.tangential_damping > 0.0;
-    let relaxation = -(contact.drag + ground.stiffness * deformation) / (ground.damping + step * ground.stiffness);
+    let relaxation = -contact.drag.plus(ground.stiffness, deformation) / ground.damping.plus(step, ground.stiffness);
     select(sticks, vx, relaxation)
 }
 

@@ -21,6 +21,7 @@ pub struct EnergyMeter<const L: usize> {
 
 impl<const L: usize> EnergyMeter<L> {
     /// Advances the plant by one control period and adds up the work that is done in it.
+    #[inline(always)]
     pub fn advance(&mut self, plant: &mut HumanProsthesis<'_, L>, state: &mut State<L>, solver: &SolverParams) {
         let mut metered = MeteredState { state: state.clone(), meter: self.clone() };
         let mut work = Workspace::new(&metered);
@@ -50,6 +51,7 @@ struct MeteredState<const L: usize> {
 }
 
 impl<const L: usize> StateVector<L> for MeteredState<L> {
+    #[inline(always)]
     fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
         self.state.add_scaled(&base.state, step, &rate.state);
         for power in 0..POWERS {
@@ -57,16 +59,6 @@ impl<const L: usize> StateVector<L> for MeteredState<L> {
                 self.meter.work[power][lane] = base.meter.work[power][lane] + step[lane] * rate.meter.work[power][lane];
                 self.meter.exchanged[power][lane] =
                     base.meter.exchanged[power][lane] + step[lane] * rate.meter.exchanged[power][lane];
-            }
-        }
-    }
-
-    fn accumulate(&mut self, step: &[f64; L], rate: &Self) {
-        self.state.accumulate(step, &rate.state);
-        for power in 0..POWERS {
-            for lane in 0..L {
-                self.meter.work[power][lane] += step[lane] * rate.meter.work[power][lane];
-                self.meter.exchanged[power][lane] += step[lane] * rate.meter.exchanged[power][lane];
             }
         }
     }
@@ -80,10 +72,12 @@ struct Metered<'a, 'b, const L: usize> {
 impl<const L: usize> HybridFlow<L> for Metered<'_, '_, L> {
     type State = MeteredState<L>;
 
+    #[inline(always)]
     fn sense(&mut self, state: &Self::State) {
         self.plant.sense(&state.state);
     }
 
+    #[inline(always)]
     fn rates(&mut self, state: &Self::State, implicit_step: &[f64; L], rates: &mut Self::State) {
         self.plant.rates(&state.state, implicit_step, &mut rates.state);
         for lane in 0..L {
@@ -95,14 +89,17 @@ impl<const L: usize> HybridFlow<L> for Metered<'_, '_, L> {
         }
     }
 
+    #[inline(always)]
     fn fired(&self, state: &Self::State) -> [bool; L] {
         self.plant.fired(&state.state)
     }
 
+    #[inline(always)]
     fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]) {
         self.plant.transition(&mut state.state, fired);
     }
 
+    #[inline(always)]
     fn accept(&mut self, state: &Self::State) {
         self.plant.accept(&state.state);
     }

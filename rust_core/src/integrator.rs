@@ -4,9 +4,6 @@
 pub trait StateVector<const L: usize>: Clone {
     /// `self = base + step * rate`, lane by lane.
     fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self);
-
-    /// `self += step * rate`, lane by lane.
-    fn accumulate(&mut self, step: &[f64; L], rate: &Self);
 }
 
 /// A continuous flow `dy/dt = f(y)`, interrupted by events that change it.
@@ -62,12 +59,8 @@ const fn stage(reach: f64, implicit: f64, weight: f64) -> Stage {
     Stage { reach, implicit, weight }
 }
 
-const RK4: [Stage; 4] = [
-    stage(0.0, 0.0, 1.0 / 6.0),
-    stage(0.5, 0.0, 1.0 / 3.0),
-    stage(0.5, 0.0, 1.0 / 3.0),
-    stage(1.0, 0.0, 1.0 / 6.0),
-];
+const RK4: [Stage; 4] =
+    [stage(0.0, 0.0, 1.0 / 6.0), stage(0.5, 0.0, 1.0 / 3.0), stage(0.5, 0.0, 1.0 / 3.0), stage(1.0, 0.0, 1.0 / 6.0)];
 
 const LINEARLY_IMPLICIT_EULER: [Stage; 1] = [stage(0.0, 1.0, 1.0)];
 
@@ -111,14 +104,16 @@ impl Stepper {
 #[derive(Clone, Debug)]
 pub struct Workspace<S> {
     start: S,
+    /// Start and the weighted rates of the stages so far, and of those before the last.
     sum: S,
+    last_sum: S,
     rate: S,
 }
 
 impl<S: Clone> Workspace<S> {
     /// Storage for states shaped like `state`.
     pub fn new(state: &S) -> Self {
-        Self { start: state.clone(), sum: state.clone(), rate: state.clone() }
+        Self { start: state.clone(), sum: state.clone(), last_sum: state.clone(), rate: state.clone() }
     }
 }
 
@@ -210,16 +205,20 @@ fn step<const L: usize, F: HybridFlow<L>>(
     stages: &[Stage],
     step: &[f64; L],
 ) {
-    let Workspace { start, sum, rate } = work;
-    sum.clone_from(start);
+    let Workspace { start, sum, last_sum, rate } = work;
     for (i, stage) in stages.iter().enumerate() {
         flow.rates(state, &step.map(|h| stage.implicit * h), rate);
         let gain = step.map(|h| stage.weight * h);
         if let Some(next) = stages.get(i + 1) {
-            sum.accumulate(&gain, rate);
+            if i == 0 {
+                sum.add_scaled(start, &gain, rate);
+            } else {
+                std::mem::swap(sum, last_sum);
+                sum.add_scaled(last_sum, &gain, rate);
+            }
             state.add_scaled(start, &step.map(|h| next.reach * h), rate);
         } else {
-            state.add_scaled(sum, &gain, rate);
+            state.add_scaled(if i == 0 { start } else { sum }, &gain, rate);
         }
         flow.sense(state);
     }

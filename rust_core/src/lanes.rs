@@ -43,14 +43,22 @@ macro_rules! integrable {
         impl<const L: usize> $crate::integrator::StateVector<L> for $Lanes<L> {
             #[inline(always)]
             fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
-                $(for lane in 0..L { self.$field[lane] = base.$field[lane] + step[lane] * rate.$field[lane]; })+
-            }
-            #[inline(always)]
-            fn accumulate(&mut self, step: &[f64; L], rate: &Self) {
-                $(for lane in 0..L { self.$field[lane] += step[lane] * rate.$field[lane]; })+
+                $(for lane in 0..L { self.$field[lane] = step[lane].mul_add(rate.$field[lane], base.$field[lane]); })+
             }
         }
     };
 }
 
-pub(crate) use {integrable, lanes};
+/// Compiles a function and all that it inlines for each vector unit, and chooses at run time. Physics fuses multiplication and
+/// addition, which processors without such an instruction (before 2013) compute in software, slowly and to the same bits.
+macro_rules! vectorised {
+    ($function:item) => {
+        #[multiversion::multiversion(targets(
+            "x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx512cd+fma+bmi1+bmi2",
+            "x86_64+avx2+fma+bmi1+bmi2"
+        ))]
+        $function
+    };
+}
+
+pub(crate) use {integrable, lanes, vectorised};

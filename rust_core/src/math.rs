@@ -27,6 +27,38 @@ pub fn clamp(x: f64, low: f64, high: f64) -> f64 {
     min(max(x, low), high)
 }
 
+/// Sums of products rounded once per product: a multiplication and an addition in one instruction of every vector unit.
+pub trait FusedSum {
+    /// `self + a b`.
+    #[must_use]
+    fn plus(self, a: f64, b: f64) -> f64;
+
+    /// `self - a b`.
+    #[must_use]
+    fn less(self, a: f64, b: f64) -> f64;
+
+    /// `self + a . b`.
+    #[must_use]
+    fn plus_dot(self, a: [f64; 2], b: [f64; 2]) -> f64;
+}
+
+impl FusedSum for f64 {
+    #[inline(always)]
+    fn plus(self, a: f64, b: f64) -> f64 {
+        a.mul_add(b, self)
+    }
+
+    #[inline(always)]
+    fn less(self, a: f64, b: f64) -> f64 {
+        (-a).mul_add(b, self)
+    }
+
+    #[inline(always)]
+    fn plus_dot(self, a: [f64; 2], b: [f64; 2]) -> f64 {
+        self.plus(a[0], b[0]).plus(a[1], b[1])
+    }
+}
+
 /// Golden-ratio increment of SplitMix64.
 pub const SPLITMIX_STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
@@ -52,23 +84,31 @@ pub fn floor(x: f64) -> f64 {
 pub fn sin_cos(x: f64) -> (f64, f64) {
     const HALF_PI_HIGH: f64 = f64::from_bits(0x3FF9_21FB_5440_0000); // 33 bits, so n * HIGH is exact
     const HALF_PI_LOW: f64 = 6.077_100_506_506_192e-11;
-    let shifted = x * std::f64::consts::FRAC_2_PI + ROUND;
+    let shifted = x.mul_add(std::f64::consts::FRAC_2_PI, ROUND);
     let quadrant = shifted.to_bits();
     let n = shifted - ROUND;
-    let r = (x - n * HALF_PI_HIGH) - n * HALF_PI_LOW;
+    let r = (-n).mul_add(HALF_PI_LOW, (-n).mul_add(HALF_PI_HIGH, x));
 
     // Estrin's scheme: pairs of terms wait for each other less than Horner's chain does.
     let z = r * r;
     let z2 = z * z;
-    let sine = r + r
-        * z
-        * ((-1.666_666_666_666_663_2e-1 + z * 8.333_333_333_322_49e-3)
-            + z2 * ((-1.984_126_982_985_795e-4 + z * 2.755_731_370_707_006_8e-6)
-                + z2 * (-2.505_076_025_340_686_3e-8 + z * 1.589_690_995_211_55e-10)));
-    let cosine = (1.0 - 0.5 * z)
-        + z2 * ((4.166_666_666_666_66e-2 + z * -1.388_888_888_887_411e-3)
-            + z2 * ((2.480_158_728_947_673e-5 + z * -2.755_731_435_139_066_3e-7)
-                + z2 * (2.087_572_321_298_175e-9 + z * -1.135_964_755_778_819_5e-11)));
+    let pair = |low: f64, high: f64| z.mul_add(high, low);
+    let sine_tail = z2.mul_add(
+        z2.mul_add(
+            pair(-2.505_076_025_340_686_3e-8, 1.589_690_995_211_55e-10),
+            pair(-1.984_126_982_985_795e-4, 2.755_731_370_707_006_8e-6),
+        ),
+        pair(-1.666_666_666_666_663_2e-1, 8.333_333_333_322_49e-3),
+    );
+    let sine = (r * z).mul_add(sine_tail, r);
+    let cosine_tail = z2.mul_add(
+        z2.mul_add(
+            pair(2.087_572_321_298_175e-9, -1.135_964_755_778_819_5e-11),
+            pair(2.480_158_728_947_673e-5, -2.755_731_435_139_066_3e-7),
+        ),
+        pair(4.166_666_666_666_66e-2, -1.388_888_888_887_411e-3),
+    );
+    let cosine = z2.mul_add(cosine_tail, z.mul_add(-0.5, 1.0));
 
     let swap = quadrant & 1 != 0;
     let sine_sign = (quadrant & 2) << 62;
@@ -84,17 +124,21 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
 pub fn exp(x: f64) -> f64 {
     const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-    let shifted = x * std::f64::consts::LOG2_E + ROUND;
+    let shifted = x.mul_add(std::f64::consts::LOG2_E, ROUND);
     let n = shifted - ROUND;
-    let r = (x - n * LN2_HIGH) - n * LN2_LOW;
+    let r = (-n).mul_add(LN2_LOW, (-n).mul_add(LN2_HIGH, x));
     // Taylor series by Estrin's scheme; |r| < 0.35, so the first term left out is below 2e-16.
-    let (r2, pair) = (r * r, |low: f64, high: f64| low + r * high);
+    let (r2, pair) = (r * r, |low: f64, high: f64| r.mul_add(high, low));
     let r4 = r2 * r2;
-    let first = (pair(1.0, 1.0) + r2 * pair(0.5, 1.0 / 6.0))
-        + r4 * (pair(1.0 / 24.0, 1.0 / 120.0) + r2 * pair(1.0 / 720.0, 1.0 / 5_040.0));
-    let last = (pair(1.0 / 40_320.0, 1.0 / 362_880.0) + r2 * pair(1.0 / 3_628_800.0, 1.0 / 39_916_800.0))
-        + r4 * pair(1.0 / 479_001_600.0, 1.0 / 6_227_020_800.0);
-    let sum = first + r4 * r4 * last;
+    let first = r4.mul_add(
+        r2.mul_add(pair(1.0 / 720.0, 1.0 / 5_040.0), pair(1.0 / 24.0, 1.0 / 120.0)),
+        r2.mul_add(pair(0.5, 1.0 / 6.0), pair(1.0, 1.0)),
+    );
+    let last = r4.mul_add(
+        pair(1.0 / 479_001_600.0, 1.0 / 6_227_020_800.0),
+        r2.mul_add(pair(1.0 / 3_628_800.0, 1.0 / 39_916_800.0), pair(1.0 / 40_320.0, 1.0 / 362_880.0)),
+    );
+    let sum = (r4 * r4).mul_add(last, first);
     let power_of_two = f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52);
     sum * power_of_two
 }
@@ -131,15 +175,23 @@ pub fn tanh(x: f64) -> f64 {
 pub fn angle_of_half_tangent(t: f64) -> f64 {
     let t = clamp(t, -0.6, 0.6);
     let z = t * t;
-    let (z2, pair) = (z * z, |low: f64, high: f64| low + z * high);
+    let (z2, pair) = (z * z, |low: f64, high: f64| z.mul_add(high, low));
     let z4 = z2 * z2;
-    let first = (pair(1.0, -0.333_333_333_333_312_2) + z2 * pair(0.199_999_999_996_168_6, -0.142_857_142_582_528_5))
-        + z4 * (pair(0.111_111_100_799_224_07, -0.090_908_857_852_459_22)
-            + z2 * pair(0.076_919_643_827_201_86, -0.066_632_059_180_462_08));
-    let last = (pair(0.058_577_572_912_225_17, -0.051_378_362_858_457_43)
-        + z2 * pair(0.043_009_210_993_509_98, -0.031_239_873_677_731_165))
-        + z4 * pair(0.016_613_375_505_873_307, -0.004_598_336_356_933_231);
-    2.0 * t * (first + z4 * z4 * last)
+    let first = z4.mul_add(
+        z2.mul_add(
+            pair(0.076_919_643_827_201_86, -0.066_632_059_180_462_08),
+            pair(0.111_111_100_799_224_07, -0.090_908_857_852_459_22),
+        ),
+        z2.mul_add(pair(0.199_999_999_996_168_6, -0.142_857_142_582_528_5), pair(1.0, -0.333_333_333_333_312_2)),
+    );
+    let last = z4.mul_add(
+        pair(0.016_613_375_505_873_307, -0.004_598_336_356_933_231),
+        z2.mul_add(
+            pair(0.043_009_210_993_509_98, -0.031_239_873_677_731_165),
+            pair(0.058_577_572_912_225_17, -0.051_378_362_858_457_43),
+        ),
+    );
+    2.0 * t * (z4 * z4).mul_add(last, first)
 }
 
 #[cfg(test)]

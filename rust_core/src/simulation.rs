@@ -14,6 +14,7 @@ use crate::disturbance::Progress;
 use crate::energy_meter::EnergyMeter;
 use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, WalkerMemory, WalkerState, Walkers};
 use crate::integrator::{self, HybridFlow, Workspace};
+use crate::lanes::vectorised;
 use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
 use crate::scenario::Episode;
 use crate::sensors::{self, SensorMemory, Sensors};
@@ -239,6 +240,7 @@ impl<const L: usize> Simulation<L> {
     }
 
     /// Like [`advance`](Self::advance), and integrates the work of all forces beside the state.
+    #[inline(always)]
     pub fn advance_metered(
         &mut self,
         model: &Model<L>,
@@ -398,7 +400,7 @@ impl<const L: usize> Trial<L> {
 
     /// One control period with the given commands to the knee units.
     pub fn advance(&mut self, commands: &[f64; L]) {
-        self.simulation.advance(&self.model, commands, &mut self.scratch);
+        advance(self, commands);
     }
 
     /// The same under the commands of the state machines.
@@ -408,8 +410,7 @@ impl<const L: usize> Trial<L> {
 
     /// One control period under the state machines, with the work of all forces integrated.
     pub fn advance_metered(&mut self, meter: &mut EnergyMeter<L>) {
-        let commands = self.simulation.state_machine_command;
-        self.simulation.advance_metered(&self.model, &commands, &mut self.scratch, meter);
+        advance_metered(self, meter);
     }
 
     /// Everything at the present sample.
@@ -420,6 +421,19 @@ impl<const L: usize> Trial<L> {
     /// The human-prosthesis system at the present sample.
     pub fn plant(&self) -> Evaluated<'_, L> {
         self.sampled().plant()
+    }
+}
+
+vectorised! {
+    fn advance<const L: usize>(trial: &mut Trial<L>, commands: &[f64; L]) {
+        trial.simulation.advance(&trial.model, commands, &mut trial.scratch);
+    }
+}
+
+vectorised! {
+    fn advance_metered<const L: usize>(trial: &mut Trial<L>, meter: &mut EnergyMeter<L>) {
+        let commands = trial.simulation.state_machine_command;
+        trial.simulation.advance_metered(&trial.model, &commands, &mut trial.scratch, meter);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Impedance of hip and trunk about their smooth references, limited (section 4.1; sign so that it attracts).
 
 use crate::lanes::lanes;
-use crate::math::{clamp, select};
+use crate::math::{FusedSum, clamp, select};
 
 lanes! {
     /// Torque of an impedance with its derivatives.
@@ -20,7 +20,7 @@ lanes! {
 /// Torque at a joint that is `error` (rad) short of its reference, which moves away at `error_rate` (rad/s).
 #[inline(always)]
 pub fn impedance(stiffness: f64, damping: f64, limit: f64, error: f64, error_rate: f64) -> ImpedanceTorque {
-    let free = stiffness * error + damping * error_rate;
+    let free = (stiffness * error).plus(damping, error_rate);
     let acts = free.abs() < limit;
     ImpedanceTorque {
         torque: clamp(free, -limit, limit),

@@ -2,7 +2,7 @@
 
 use crate::human_controller::Drive;
 use crate::lanes::{integrable, lanes};
-use crate::math::clamp;
+use crate::math::{FusedSum, clamp};
 
 lanes! {
     /// Smooth references: state of the filter of equation 1.
@@ -34,12 +34,13 @@ pub fn rough_thigh(drive: &Drive, time: f64) -> f64 {
     let phase = (time - drive.step_start) * drive.inverse_cycle;
     let ramp = |from: f64, pace: f64| clamp((phase - from) * pace, 0.0, 1.0);
     let swing = ramp(drive.swing_start, 1.0 / SWING_RAMP);
-    drive.thigh_0
-        + (drive.thigh_1 - drive.thigh_0) * ramp(0.0, drive.extension_pace)
-        + (drive.thigh_2 - drive.thigh_1) * ramp(drive.extension_end, drive.hold_pace)
-        + (drive.thigh_3 - drive.thigh_2) * swing
-        + (drive.thigh_4 - drive.thigh_3) * ramp(drive.swing_start + SWING_RAMP, drive.last_pace)
-        + drive.swing_flexion * (swing - ramp(RETURN[0], 1.0 / (RETURN[1] - RETURN[0])))
+    drive
+        .thigh_0
+        .plus(drive.thigh_1 - drive.thigh_0, ramp(0.0, drive.extension_pace))
+        .plus(drive.thigh_2 - drive.thigh_1, ramp(drive.extension_end, drive.hold_pace))
+        .plus(drive.thigh_3 - drive.thigh_2, swing)
+        .plus(drive.thigh_4 - drive.thigh_3, ramp(drive.swing_start + SWING_RAMP, drive.last_pace))
+        .plus(drive.swing_flexion, swing - ramp(RETURN[0], 1.0 / (RETURN[1] - RETURN[0])))
 }
 
 impl Drive {
@@ -72,13 +73,13 @@ impl Filter {
     #[inline(always)]
     pub fn new(drive: &Drive, step: f64) -> Self {
         let (stiffness, damping) = (drive.filter_stiffness, drive.filter_damping);
-        Self { stiffness, damping, step, inverse: 1.0 / (1.0 + step * (damping + step * stiffness)) }
+        Self { stiffness, damping, step, inverse: 1.0 / 1.0_f64.plus(step, damping.plus(step, stiffness)) }
     }
 
     /// Acceleration of a filtered reference, mean over the step.
     #[inline(always)]
     pub fn acceleration(&self, rough: f64, smooth: f64, rate: f64) -> f64 {
-        (self.stiffness * (rough - smooth - self.step * rate) - self.damping * rate) * self.inverse
+        (self.stiffness * (rough - smooth).less(self.step, rate)).less(self.damping, rate) * self.inverse
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::human_controller::{Drive, Human};
 use crate::lanes::lanes;
-use crate::math::{angle_of_half_tangent, clamp, select, sin_cos};
+use crate::math::{FusedSum, angle_of_half_tangent, clamp, select, sin_cos};
 
 lanes! {
     /// Force of the human's intact leg on the trunk.
@@ -22,19 +22,19 @@ lanes! {
 #[inline(always)]
 pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f64, time: f64) -> TrunkForce {
     let (dx, dy) = (x - drive.slip_foot_x, y - drive.slip_foot_y);
-    let length = (dx * dx + dy * dy).sqrt();
+    let length = (dx * dx).plus(dy, dy).sqrt();
     let inverse = 1.0 / length;
     let (sine, cosine) = (dx * inverse, dy * inverse);
-    let length_rate = sine * vx + cosine * vy;
-    let pendulum = drive.slip_stiffness * (human.leg_length - length) - drive.slip_damping * length_rate;
+    let length_rate = (sine * vx).plus(cosine, vy);
+    let pendulum = (drive.slip_stiffness * (human.leg_length - length)).less(drive.slip_damping, length_rate);
 
     let angle = angle_of_half_tangent(dx / (length + dy));
     let (_, bump) = sin_cos(angle * human.lift_phase);
-    let fade = clamp(2.0 - (time - drive.touch_down) * drive.fade_rate, 0.0, 1.0);
-    let lift = select(angle.abs() < human.touch_down_angle, (drive.lift + drive.stop_lift * fade) * bump, 0.0);
+    let fade = clamp(2.0_f64.less(time - drive.touch_down, drive.fade_rate), 0.0, 1.0);
+    let lift = select(angle.abs() < human.touch_down_angle, drive.lift.plus(drive.stop_lift, fade) * bump, 0.0);
     TrunkForce {
-        x: pendulum * sine + drive.thrust - drive.brake * vx,
-        y: pendulum * cosine + drive.support + lift,
+        x: drive.thrust.plus(pendulum, sine).less(drive.brake, vx),
+        y: (drive.support + lift).plus(pendulum, cosine),
         pendulum,
     }
 }

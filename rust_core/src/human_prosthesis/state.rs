@@ -69,17 +69,7 @@ impl<const L: usize> StateVector<L> for GeneralState<L> {
         self.deflection_rate.add_scaled(&base.deflection_rate, step, &rate.deflection_rate);
         for ((sum, base), rate) in self.deformation.iter_mut().zip(&base.deformation).zip(&rate.deformation) {
             for lane in 0..L {
-                sum[lane] = base[lane] + step[lane] * rate[lane];
-            }
-        }
-    }
-
-    fn accumulate(&mut self, step: &[f64; L], rate: &Self) {
-        self.deflection.accumulate(step, &rate.deflection);
-        self.deflection_rate.accumulate(step, &rate.deflection_rate);
-        for (sum, rate) in self.deformation.iter_mut().zip(&rate.deformation) {
-            for lane in 0..L {
-                sum[lane] += step[lane] * rate[lane];
+                sum[lane] = step[lane].mul_add(rate[lane], base[lane]);
             }
         }
     }
@@ -96,19 +86,6 @@ impl<const L: usize> StateVector<L> for State<L> {
         }
         if let (Some(sum), Some(base), Some(rate)) = (&mut self.general, &base.general, &rate.general) {
             sum.add_scaled(base, step, rate);
-        }
-    }
-
-    #[inline(always)]
-    fn accumulate(&mut self, step: &[f64; L], rate: &Self) {
-        self.motion.accumulate(step, &rate.motion);
-        self.reference.accumulate(step, &rate.reference);
-        self.rest.accumulate(step, &rate.rest);
-        if self.turns {
-            self.rotor.accumulate(step, &rate.rotor);
-        }
-        if let (Some(sum), Some(rate)) = (&mut self.general, &rate.general) {
-            sum.accumulate(step, rate);
         }
     }
 }

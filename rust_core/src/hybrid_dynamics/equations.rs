@@ -1,6 +1,7 @@
 //! The linear equations of the walker's accelerations, every entry by its name, and their solution.
 
 use crate::hybrid_dynamics::walker::Acceleration;
+use crate::math::FusedSum;
 
 /// A symmetric 2 x 2 matrix in world axes; `xy` is 0 on level ground and never looked at there.
 #[derive(Clone, Copy)]
@@ -29,7 +30,7 @@ impl Planar {
 
 #[inline(always)]
 pub(super) fn dot([ax, ay]: [f64; 2], [bx, by]: [f64; 2]) -> f64 {
-    ax * bx + ay * by
+    (ax * bx).plus(ay, by)
 }
 
 /// Lower triangle of a symmetric positive definite matrix over hip x, hip y, thigh, shank, foot, and a right-hand side.
@@ -86,37 +87,37 @@ impl Equations {
         let (lt, ls, lf) = (tx * inverse_x, sx * inverse_x, fx * inverse_x);
         if !LEVEL {
             let ly = yx * inverse_x;
-            yy -= ly * yx;
-            y -= ly * x;
-            ty -= lt * yx;
-            sy -= ls * yx;
-            fy -= lf * yx;
+            yy = yy.less(ly, yx);
+            y = y.less(ly, x);
+            ty = ty.less(lt, yx);
+            sy = sy.less(ls, yx);
+            fy = fy.less(lf, yx);
         }
-        (tt, st, ss) = (tt - lt * tx, st - ls * tx, ss - ls * sx);
-        (ft, fs, ff) = (ft - lf * tx, fs - lf * sx, ff - lf * fx);
-        (t, s, f) = (t - lt * x, s - ls * x, f - lf * x);
+        (tt, st, ss) = (tt.less(lt, tx), st.less(ls, tx), ss.less(ls, sx));
+        (ft, fs, ff) = (ft.less(lf, tx), fs.less(lf, sx), ff.less(lf, fx));
+        (t, s, f) = (t.less(lt, x), s.less(ls, x), f.less(lf, x));
 
         let inverse_y = 1.0 / yy;
         let (lt, ls, lf) = (ty * inverse_y, sy * inverse_y, fy * inverse_y);
-        (tt, st, ss) = (tt - lt * ty, st - ls * ty, ss - ls * sy);
-        (ft, fs, ff) = (ft - lf * ty, fs - lf * sy, ff - lf * fy);
-        (t, s, f) = (t - lt * y, s - ls * y, f - lf * y);
+        (tt, st, ss) = (tt.less(lt, ty), st.less(ls, ty), ss.less(ls, sy));
+        (ft, fs, ff) = (ft.less(lf, ty), fs.less(lf, sy), ff.less(lf, fy));
+        (t, s, f) = (t.less(lt, y), s.less(ls, y), f.less(lf, y));
 
         let inverse_t = 1.0 / tt;
         let (ls, lf) = (st * inverse_t, ft * inverse_t);
-        (ss, fs, ff) = (ss - ls * st, fs - lf * st, ff - lf * ft);
-        (s, f) = (s - ls * t, f - lf * t);
+        (ss, fs, ff) = (ss.less(ls, st), fs.less(lf, st), ff.less(lf, ft));
+        (s, f) = (s.less(ls, t), f.less(lf, t));
 
         let inverse_s = 1.0 / ss;
         let lf = fs * inverse_s;
-        (ff, f) = (ff - lf * fs, f - lf * s);
+        (ff, f) = (ff.less(lf, fs), f.less(lf, s));
 
         let foot = f / ff;
-        let shank = (s - fs * foot) * inverse_s;
-        let thigh = (t - st * shank - ft * foot) * inverse_t;
-        let hip_y = (y - ty * thigh - sy * shank - fy * foot) * inverse_y;
-        let left = x - tx * thigh - sx * shank - fx * foot;
-        let hip_x = (if LEVEL { left } else { left - yx * hip_y }) * inverse_x;
+        let shank = s.less(fs, foot) * inverse_s;
+        let thigh = t.less(ft, foot).less(st, shank) * inverse_t;
+        let hip_y = y.less(fy, foot).less(sy, shank).less(ty, thigh) * inverse_y;
+        let left = x.less(fx, foot).less(sx, shank).less(tx, thigh);
+        let hip_x = (if LEVEL { left } else { left.less(yx, hip_y) }) * inverse_x;
         Acceleration { hip_x, hip_y, thigh, shank, foot }
     }
 }

@@ -9,7 +9,7 @@
 use crate::hybrid_dynamics::body::Body;
 use crate::hybrid_dynamics::equations::{Equations, Planar, dot};
 use crate::lanes::{integrable, lanes};
-use crate::math::sin_cos;
+use crate::math::{FusedSum, sin_cos};
 use crate::signals::GRAVITY;
 
 lanes! {
@@ -103,16 +103,16 @@ pub fn kinematics(body: &Body, motion: &Motion, trunk_angle: f64) -> Kinematics 
         thigh_y: -body.thigh_length * thigh_cos,
         shank_x: body.shank_length * shank_sin,
         shank_y: -body.shank_length * shank_cos,
-        thigh_mx: body.thigh_moment_x * thigh_cos - body.thigh_moment_y * thigh_sin,
-        thigh_my: body.thigh_moment_x * thigh_sin + body.thigh_moment_y * thigh_cos,
-        shank_mx: body.shank_moment_x * shank_cos - body.shank_moment_y * shank_sin,
-        shank_my: body.shank_moment_x * shank_sin + body.shank_moment_y * shank_cos,
-        foot_mx: body.foot_moment_x * foot_cos - body.foot_moment_y * foot_sin,
-        foot_my: body.foot_moment_x * foot_sin + body.foot_moment_y * foot_cos,
-        heel_x: body.heel_x * foot_cos - body.sole_y * foot_sin,
-        heel_y: body.heel_x * foot_sin + body.sole_y * foot_cos,
-        ball_x: body.ball_x * foot_cos - body.sole_y * foot_sin,
-        ball_y: body.ball_x * foot_sin + body.sole_y * foot_cos,
+        thigh_mx: (body.thigh_moment_x * thigh_cos).less(body.thigh_moment_y, thigh_sin),
+        thigh_my: (body.thigh_moment_x * thigh_sin).plus(body.thigh_moment_y, thigh_cos),
+        shank_mx: (body.shank_moment_x * shank_cos).less(body.shank_moment_y, shank_sin),
+        shank_my: (body.shank_moment_x * shank_sin).plus(body.shank_moment_y, shank_cos),
+        foot_mx: (body.foot_moment_x * foot_cos).less(body.foot_moment_y, foot_sin),
+        foot_my: (body.foot_moment_x * foot_sin).plus(body.foot_moment_y, foot_cos),
+        heel_x: (body.heel_x * foot_cos).less(body.sole_y, foot_sin),
+        heel_y: (body.heel_x * foot_sin).plus(body.sole_y, foot_cos),
+        ball_x: (body.ball_x * foot_cos).less(body.sole_y, foot_sin),
+        ball_y: (body.ball_x * foot_sin).plus(body.sole_y, foot_cos),
     }
 }
 
@@ -138,14 +138,16 @@ pub fn foot_point(motion: &Motion, kin: &Kinematics, arm_x: f64, arm_y: f64) -> 
     Point {
         x: motion.hip_x + kin.thigh_x + kin.shank_x + arm_x,
         y: motion.hip_y + kin.thigh_y + kin.shank_y + arm_y,
-        vx: motion.hip_vx
-            - motion.thigh_rate * kin.thigh_y
-            - motion.shank_rate * kin.shank_y
-            - motion.foot_rate * arm_y,
-        vy: motion.hip_vy
-            + motion.thigh_rate * kin.thigh_x
-            + motion.shank_rate * kin.shank_x
-            + motion.foot_rate * arm_x,
+        vx: motion
+            .hip_vx
+            .less(motion.thigh_rate, kin.thigh_y)
+            .less(motion.shank_rate, kin.shank_y)
+            .less(motion.foot_rate, arm_y),
+        vy: motion
+            .hip_vy
+            .plus(motion.thigh_rate, kin.thigh_x)
+            .plus(motion.shank_rate, kin.shank_x)
+            .plus(motion.foot_rate, arm_x),
     }
 }
 
@@ -155,8 +157,8 @@ pub fn knee_point(motion: &Motion, kin: &Kinematics) -> Point {
     Point {
         x: motion.hip_x + kin.thigh_x,
         y: motion.hip_y + kin.thigh_y,
-        vx: motion.hip_vx - motion.thigh_rate * kin.thigh_y,
-        vy: motion.hip_vy + motion.thigh_rate * kin.thigh_x,
+        vx: motion.hip_vx.less(motion.thigh_rate, kin.thigh_y),
+        vy: motion.hip_vy.plus(motion.thigh_rate, kin.thigh_x),
     }
 }
 
@@ -215,11 +217,11 @@ impl Acceleration {
     #[inline(always)]
     pub fn rates(&self, motion: &Motion, step: f64) -> Motion {
         Motion {
-            hip_x: motion.hip_vx + step * self.hip_x,
-            hip_y: motion.hip_vy + step * self.hip_y,
-            thigh: motion.thigh_rate + step * self.thigh,
-            shank: motion.shank_rate + step * self.shank,
-            foot: motion.foot_rate + step * self.foot,
+            hip_x: motion.hip_vx.plus(step, self.hip_x),
+            hip_y: motion.hip_vy.plus(step, self.hip_y),
+            thigh: motion.thigh_rate.plus(step, self.thigh),
+            shank: motion.shank_rate.plus(step, self.shank),
+            foot: motion.foot_rate.plus(step, self.foot),
             hip_vx: self.hip_x,
             hip_vy: self.hip_y,
             thigh_rate: self.thigh,
@@ -271,15 +273,15 @@ pub fn acceleration<const LEVEL: bool>(
     let (c1, c2, c3) = (w1 * w1, w2 * w2, w3 * w3);
 
     // (z x L_i) . S_j = L_i x S_j: centripetal coupling of two segments.
-    let thigh_shank = kin.thigh_x * kin.shank_my - kin.thigh_y * kin.shank_mx;
-    let thigh_foot = kin.thigh_x * kin.foot_my - kin.thigh_y * kin.foot_mx;
-    let shank_foot = kin.shank_x * kin.foot_my - kin.shank_y * kin.foot_mx;
+    let thigh_shank = (kin.thigh_x * kin.shank_my).less(kin.thigh_y, kin.shank_mx);
+    let thigh_foot = (kin.thigh_x * kin.foot_my).less(kin.thigh_y, kin.foot_mx);
+    let shank_foot = (kin.shank_x * kin.foot_my).less(kin.shank_y, kin.foot_mx);
 
     // Torques less the part that stiffness will take back over the step.
-    let hip = loads.hip.torque - step * loads.hip.stiffness * loads.hip_error_rate;
-    let knee = loads.knee.torque - step * loads.knee.stiffness * (w2 - w1);
-    let ankle = loads.ankle.torque - step * loads.ankle.stiffness * (w3 - w2);
-    let implicit = |damping: f64, stiffness: f64| step * (damping + step * stiffness);
+    let hip = loads.hip.torque.less(step * loads.hip.stiffness, loads.hip_error_rate);
+    let knee = loads.knee.torque.less(step * loads.knee.stiffness, w2 - w1);
+    let ankle = loads.ankle.torque.less(step * loads.ankle.stiffness, w3 - w2);
+    let implicit = |damping: f64, stiffness: f64| step * damping.plus(step, stiffness);
     let hip_implicit = implicit(loads.hip.damping, loads.hip.stiffness);
     let knee_implicit = implicit(loads.knee.damping, loads.knee.stiffness);
     let ankle_implicit = implicit(loads.ankle.damping, loads.ankle.stiffness);
@@ -296,7 +298,7 @@ pub fn acceleration<const LEVEL: bool>(
             point.sin,
             point.cos,
         );
-        ([-arm_y, arm_x], [point.x - step * back_x, point.y - step * back_y], damping)
+        ([-arm_y, arm_x], [point.x.less(step, back_x), point.y.less(step, back_y)], damping)
     };
     let (heel_arm, heel_force, heel) = contact(&loads.heel, kin.heel_x, kin.heel_y);
     let (ball_arm, ball_force, ball) = contact(&loads.ball, kin.ball_x, kin.ball_y);
@@ -315,39 +317,48 @@ pub fn acceleration<const LEVEL: bool>(
         yy: body.mass + both.yy,
         tx: with_thigh[0] - kin.thigh_my,
         ty: with_thigh[1] + kin.thigh_mx,
-        tt: body.thigh_inertia + hip_implicit + knee_implicit + dot(with_thigh, thigh),
+        tt: (body.thigh_inertia + hip_implicit + knee_implicit).plus_dot(with_thigh, thigh),
         sx: with_shank[0] - kin.shank_my,
         sy: with_shank[1] + kin.shank_mx,
-        st: kin.thigh_x * kin.shank_mx + kin.thigh_y * kin.shank_my - knee_implicit + dot(with_shank, thigh),
-        ss: body.shank_inertia + knee_implicit + ankle_implicit + dot(with_shank, shank),
+        st: dot([kin.thigh_x, kin.thigh_y], [kin.shank_mx, kin.shank_my]).plus_dot(with_shank, thigh) - knee_implicit,
+        ss: (body.shank_inertia + knee_implicit + ankle_implicit).plus_dot(with_shank, shank),
         fx: with_foot[0] - kin.foot_my,
         fy: with_foot[1] + kin.foot_mx,
-        ft: kin.thigh_x * kin.foot_mx + kin.thigh_y * kin.foot_my + dot(with_foot, thigh),
-        fs: kin.shank_x * kin.foot_mx + kin.shank_y * kin.foot_my - ankle_implicit + dot(with_foot, shank),
-        ff: body.foot_inertia + ankle_implicit + dot(heel_foot, heel_arm) + dot(ball_foot, ball_arm),
+        ft: dot([kin.thigh_x, kin.thigh_y], [kin.foot_mx, kin.foot_my]).plus_dot(with_foot, thigh),
+        fs: dot([kin.shank_x, kin.shank_y], [kin.foot_mx, kin.foot_my]).plus_dot(with_foot, shank) - ankle_implicit,
+        ff: (body.foot_inertia + ankle_implicit).plus_dot(heel_foot, heel_arm).plus_dot(ball_foot, ball_arm),
         // Forces and centripetal terms.
-        x: loads.trunk_x
-            + loads.knee_x
-            + ground[0]
-            + trunk.acceleration * kin.trunk_my
-            + trunk_centripetal * kin.trunk_mx
-            + c1 * kin.thigh_mx
-            + c2 * kin.shank_mx
-            + c3 * kin.foot_mx,
-        y: loads.trunk_y + loads.knee_y + ground[1] - body.mass * GRAVITY - trunk.acceleration * kin.trunk_mx
-            + trunk_centripetal * kin.trunk_my
-            + c1 * kin.thigh_my
-            + c2 * kin.shank_my
-            + c3 * kin.foot_my,
-        t: hip - knee - GRAVITY * kin.thigh_mx - kin.thigh_y * loads.knee_x
-            + kin.thigh_x * loads.knee_y
-            + dot(ground, thigh)
-            + c2 * thigh_shank
-            + c3 * thigh_foot,
-        s: knee - ankle - GRAVITY * kin.shank_mx + dot(ground, shank) - c1 * thigh_shank + c3 * shank_foot,
-        f: ankle - GRAVITY * kin.foot_mx + dot(heel_force, heel_arm) + dot(ball_force, ball_arm)
-            - c1 * thigh_foot
-            - c2 * shank_foot,
+        x: (loads.trunk_x + loads.knee_x + ground[0])
+            .plus(trunk.acceleration, kin.trunk_my)
+            .plus(trunk_centripetal, kin.trunk_mx)
+            .plus(c1, kin.thigh_mx)
+            .plus(c2, kin.shank_mx)
+            .plus(c3, kin.foot_mx),
+        y: (loads.trunk_y + loads.knee_y + ground[1])
+            .less(body.mass, GRAVITY)
+            .less(trunk.acceleration, kin.trunk_mx)
+            .plus(trunk_centripetal, kin.trunk_my)
+            .plus(c1, kin.thigh_my)
+            .plus(c2, kin.shank_my)
+            .plus(c3, kin.foot_my),
+        t: (hip - knee)
+            .less(GRAVITY, kin.thigh_mx)
+            .less(kin.thigh_y, loads.knee_x)
+            .plus(kin.thigh_x, loads.knee_y)
+            .plus_dot(ground, thigh)
+            .plus(c2, thigh_shank)
+            .plus(c3, thigh_foot),
+        s: (knee - ankle)
+            .less(GRAVITY, kin.shank_mx)
+            .plus_dot(ground, shank)
+            .less(c1, thigh_shank)
+            .plus(c3, shank_foot),
+        f: ankle
+            .less(GRAVITY, kin.foot_mx)
+            .plus_dot(heel_force, heel_arm)
+            .plus_dot(ball_force, ball_arm)
+            .less(c1, thigh_foot)
+            .less(c2, shank_foot),
     }
     .solve::<LEVEL>()
 }

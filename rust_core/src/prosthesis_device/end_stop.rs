@@ -1,7 +1,7 @@
 //! End stops of the knee: neo-Hookean rubber with damping (section 5.2.1; lambda falls with compression, the torque resists).
 
 use crate::lanes::lanes;
-use crate::math::{max, select};
+use crate::math::{FusedSum, max, select};
 use crate::params::{above, params, within};
 
 params! {
@@ -71,12 +71,12 @@ const SMALLEST_RATIO: f64 = 0.05;
 #[inline(always)]
 pub fn rubber(stop: &EndStop, compression: f64, rate: f64) -> Stop {
     let touches = compression > 0.0;
-    let ratio = max(1.0 - max(compression, 0.0) * stop.inverse_thickness, SMALLEST_RATIO);
+    let ratio = max(1.0_f64.less(max(compression, 0.0), stop.inverse_thickness), SMALLEST_RATIO);
     let ratio_rate = -rate * stop.inverse_thickness;
     let inverse = 1.0 / ratio;
     let inverse2 = inverse * inverse;
-    let slope = 1.0 + 2.0 * inverse2 * inverse;
-    let torque = -stop.scale * ((ratio - inverse2) + stop.damping_time * ratio_rate * slope);
+    let slope = 1.0_f64.plus(2.0 * inverse2, inverse);
+    let torque = -stop.scale * ((ratio - inverse2).plus(stop.damping_time * ratio_rate, slope));
     let pushes = touches & (torque > 0.0);
     // d/d compression of the damping part is 6 rate / (d ratio^4) >= 0 while compressing; leave it out while releasing.
     let progressive = 6.0 * stop.damping_time * max(rate, 0.0) * stop.inverse_thickness * inverse2 * inverse2;

@@ -4,7 +4,7 @@
 //! a rotor at rest (direction 0) stays exactly at rest until the load breaks it away, so it cannot drift.
 
 use crate::lanes::{integrable, lanes};
-use crate::math::{clamp, min, select};
+use crate::math::{FusedSum, clamp, min, select};
 use crate::params::{ANY, above, params, within};
 use crate::prosthesis_device::{JointMotion, UnitTorque};
 
@@ -151,10 +151,10 @@ pub fn current(motor: &GearedMotor, commanded: f64, rate: f64) -> f64 {
 pub fn signals(motor: &GearedMotor, joint: &JointMotion, rotor: &Rotor, commanded: f64) -> MotorSignals {
     let current = current(motor, commanded, rotor.rate);
     let torque = motor.torque_constant * current;
-    let gear_torque = motor.spring * (rotor.angle * motor.inverse_ratio - joint.flexion)
-        + motor.damper * (rotor.rate * motor.inverse_ratio - joint.flexion_rate);
-    let load_part = (motor.motor_friction * torque + motor.load_friction * gear_torque * motor.inverse_ratio).abs();
-    let no_load = motor.rest_friction + motor.friction_slope * min(rotor.rate.abs(), motor.friction_speed);
+    let gear_torque = (motor.spring * (-joint.flexion).plus(rotor.angle, motor.inverse_ratio))
+        .plus(motor.damper, (-joint.flexion_rate).plus(rotor.rate, motor.inverse_ratio));
+    let load_part = (motor.motor_friction * torque).plus(motor.load_friction * gear_torque, motor.inverse_ratio).abs();
+    let no_load = motor.rest_friction.plus(motor.friction_slope, min(rotor.rate.abs(), motor.friction_speed));
     MotorSignals {
         current,
         torque,
@@ -167,7 +167,7 @@ pub fn signals(motor: &GearedMotor, joint: &JointMotion, rotor: &Rotor, commande
 /// Direction (-1, 0, 1) that a rotor at rest moves off in: 0 while friction holds it.
 #[inline(always)]
 pub fn break_away(motor: &GearedMotor, signals: &MotorSignals) -> f64 {
-    let net = signals.torque - signals.gear_torque * motor.inverse_ratio;
+    let net = signals.torque.less(signals.gear_torque, motor.inverse_ratio);
     select(net.abs() > signals.holding, 1.0_f64.copysign(net), 0.0)
 }
 
@@ -189,11 +189,11 @@ fn rotor_balance(
     direction: f64,
     step: f64,
 ) -> (f64, f64, f64) {
-    let implicit = motor.damper + step * motor.spring;
-    let stretch_rate = rotor.rate * motor.inverse_ratio - joint.flexion_rate;
-    let gear_torque = s.gear_torque + step * motor.spring * stretch_rate;
-    let inertia = motor.inertia + step * implicit * motor.inverse_ratio * motor.inverse_ratio;
-    let net = s.torque - gear_torque * motor.inverse_ratio - direction * s.friction;
+    let implicit = motor.damper.plus(step, motor.spring);
+    let stretch_rate = (-joint.flexion_rate).plus(rotor.rate, motor.inverse_ratio);
+    let gear_torque = s.gear_torque.plus(step * motor.spring, stretch_rate);
+    let inertia = motor.inertia.plus(step * implicit, motor.inverse_ratio * motor.inverse_ratio);
+    let net = s.torque.less(gear_torque, motor.inverse_ratio).less(direction, s.friction);
     (inertia, select(direction == 0.0, 0.0, net), gear_torque)
 }
 
@@ -207,7 +207,7 @@ pub fn motor_torque(
     direction: f64,
     step: f64,
 ) -> UnitTorque {
-    let implicit = motor.damper + step * motor.spring;
+    let implicit = motor.damper.plus(step, motor.spring);
     let (inertia, net, gear_torque) = rotor_balance(motor, s, joint, rotor, direction, step);
     let turns = direction.abs();
     // Over the step the rotor gains step (net + implicit/N knee gain) / inertia.
@@ -215,7 +215,7 @@ pub fn motor_torque(
     let yielding = turns * step * implicit * motor.inverse_ratio * motor.inverse_ratio / inertia;
     UnitTorque {
         damper: 0.0,
-        torque: -(gear_torque + implicit * rotor_gain),
+        torque: -gear_torque.plus(implicit, rotor_gain),
         damping: implicit * (1.0 - yielding),
         stiffness: 0.0,
     }
@@ -232,7 +232,7 @@ pub fn rotor_rates(
     flexion_acceleration: f64,
     step: f64,
 ) -> Rotor {
-    let implicit = motor.damper + step * motor.spring;
+    let implicit = motor.damper.plus(step, motor.spring);
     let (inertia, net, _) = rotor_balance(motor, s, joint, rotor, direction, step);
     let pull = implicit * motor.inverse_ratio * step * flexion_acceleration;
     let acceleration = select(direction == 0.0, 0.0, (net + pull) / inertia);
@@ -249,7 +249,7 @@ pub fn rotor_rates(
 /// rotor energy plus the work on the knee.
 pub fn powers(motor: &GearedMotor, s: &MotorSignals, joint: &JointMotion, rotor: &Rotor, direction: f64) -> [f64; 3] {
     let stretch = rotor.angle * motor.inverse_ratio - joint.flexion;
-    let stretch_rate = rotor.rate * motor.inverse_ratio - joint.flexion_rate;
+    let stretch_rate = (-joint.flexion_rate).plus(rotor.rate, motor.inverse_ratio);
     [
         s.torque * rotor.rate,
         -motor.spring * stretch * stretch_rate,

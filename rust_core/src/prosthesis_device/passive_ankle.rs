@@ -1,6 +1,7 @@
 //! Passive ankle: linear spring and damper about the toe-up rest angle (section 5.2.1).
 
 use crate::lanes::lanes;
+use crate::math::FusedSum;
 use crate::params::{params, within};
 
 params! {
@@ -32,5 +33,5 @@ impl From<&AnkleParams> for Ankle {
 /// tau_8 at joint angle q8 (rad, 0 at rest) and rate (rad/s).
 #[inline(always)]
 pub fn ankle_torque(ankle: &Ankle, angle: f64, rate: f64) -> f64 {
-    -ankle.stiffness * angle - ankle.damping * rate
+    (-ankle.stiffness * angle).less(ankle.damping, rate)
 }

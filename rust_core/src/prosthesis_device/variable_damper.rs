@@ -1,7 +1,7 @@
 //! Variable-damping knee: a perfect quadratic damper beside spring, viscous and dry friction (section 5.2.1).
 
 use crate::lanes::lanes;
-use crate::math::tanh;
+use crate::math::{FusedSum, tanh};
 use crate::params::{params, within};
 use crate::prosthesis_device::{JointMotion, UnitTorque};
 
@@ -54,8 +54,11 @@ pub fn damper_torque(damper: &VariableDamper, joint: &JointMotion, coefficient: 
     let dry = tanh(damper.dry_slope * rate);
     UnitTorque {
         damper: controlled,
-        torque: controlled - damper.spring * angle - damper.viscous * rate - damper.dry * dry,
-        damping: 2.0 * coefficient * rate.abs() + damper.viscous + damper.dry * damper.dry_slope * (1.0 - dry * dry),
+        torque: controlled.less(damper.spring, angle).less(damper.viscous, rate).less(damper.dry, dry),
+        damping: damper
+            .viscous
+            .plus(2.0 * coefficient, rate.abs())
+            .plus(damper.dry * damper.dry_slope, 1.0_f64.less(dry, dry)),
         stiffness: damper.spring,
     }
 }
