@@ -54,7 +54,10 @@ class Chain:
     def potential_energy(self, q: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 class Step:
-    """What a step of N environments gives; D is the observation size, T the number of reward terms."""
+    """What a step of N environments gives; D is the observation size, T the number of reward terms.
+
+    The arrays belong to whoever holds them: they are filled again by a later step once nobody does.
+    """
 
     @property
     def observations(self) -> NDArray[np.float32]:
@@ -102,7 +105,7 @@ class Step:
 
     @property
     def episode_terms(self) -> NDArray[np.float64]:
-        """(N, T): sums of its terms, where it has ended; else 0."""
+        """(N, T): sums of its terms; the rows that count are those of episodes that have ended."""
 
 class Batch:
     def __init__(

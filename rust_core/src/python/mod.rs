@@ -1,6 +1,7 @@
 //! The Python module `prosthesis_gym._core`: the only folder that names pyo3 and numpy.
 
 mod dynamics;
+mod step;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
@@ -11,7 +12,7 @@ use serde::de::DeserializeOwned;
 use crate::batch::Batch;
 use crate::config::Config;
 use crate::disturbance::Push;
-use crate::environment::{Autoreset, StepOutput};
+use crate::environment::Autoreset;
 use crate::error::Error;
 use crate::human_controller::intent::Knot;
 use crate::human_controller::variation::HumanVariation;
@@ -23,6 +24,7 @@ use crate::reward::TERMS;
 use crate::scenario::Episode;
 use crate::statistics::{Moments, Normaliser};
 use crate::termination::REASONS;
+use step::{Outputs, PyStep};
 
 impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
@@ -40,33 +42,13 @@ fn depythonize<T: DeserializeOwned>(object: &Bound<'_, PyAny>) -> PyResult<T> {
     Ok(read.map_err(|error| Error::Schema { key: error.path().to_string(), reason: error.inner().to_string() })?)
 }
 
-fn zeros<'py, T: numpy::Element>(py: Python<'py>, length: usize) -> Bound<'py, PyArray1<T>> {
-    PyArray1::zeros(py, length, false)
-}
-
 /// Count, mean and variance.
 type PyMoments<'py> = (f64, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
-
-/// What one step of all environments gives; see `_core.pyi`.
-#[pyclass(frozen, get_all, name = "Step", module = "prosthesis_gym._core")]
-struct PyStep {
-    observations: Py<PyArray2<f32>>,
-    rewards: Py<PyArray1<f64>>,
-    terminated: Py<PyArray1<bool>>,
-    truncated: Py<PyArray1<bool>>,
-    terms: Py<PyArray2<f64>>,
-    reasons: Py<PyArray1<u8>>,
-    started: Py<PyArray1<bool>>,
-    eventful: bool,
-    final_observations: Option<Py<PyArray2<f32>>>,
-    episode_returns: Py<PyArray1<f64>>,
-    episode_steps: Py<PyArray1<u32>>,
-    episode_terms: Py<PyArray2<f64>>,
-}
 
 #[pyclass(name = "Batch", module = "prosthesis_gym._core")]
 struct PyBatch {
     batch: Batch,
+    outputs: Outputs,
 }
 
 #[pymethods]
@@ -84,7 +66,8 @@ impl PyBatch {
             }
         };
         let config = read_config(config)?;
-        Ok(Self { batch: Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))? })
+        let batch = Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))?;
+        Ok(Self { batch, outputs: Outputs::default() })
     }
 
     /// Memory of an environment in its block, bytes.
@@ -120,64 +103,7 @@ impl PyBatch {
     }
 
     fn step(&mut self, py: Python<'_>, actions: PyReadonlyArray1<'_, f64>) -> PyResult<PyStep> {
-        let (count, size) = (self.batch.num_envs(), self.batch.observation_size());
-        let observations = PyArray2::<f32>::zeros(py, [count, size], false);
-        let rewards = zeros::<f64>(py, count);
-        let terminated = zeros::<bool>(py, count);
-        let truncated = zeros::<bool>(py, count);
-        let terms = PyArray2::<f64>::zeros(py, [count, TERMS.len()], false);
-        let reasons = zeros::<u8>(py, count);
-        let started = zeros::<bool>(py, count);
-        let finals =
-            (self.batch.autoreset() == Autoreset::SameStep).then(|| PyArray2::<f32>::zeros(py, [count, size], false));
-        let episode_returns = zeros::<f64>(py, count);
-        let episode_steps = zeros::<u32>(py, count);
-        let episode_terms = PyArray2::<f64>::zeros(py, [count, TERMS.len()], false);
-        let eventful;
-        {
-            let actions = actions.as_slice()?;
-            let mut observations = observations.readwrite();
-            let mut rewards = rewards.readwrite();
-            let mut terminated = terminated.readwrite();
-            let mut truncated = truncated.readwrite();
-            let mut terms = terms.readwrite();
-            let mut reasons = reasons.readwrite();
-            let mut started = started.readwrite();
-            let mut finals = finals.as_ref().map(|finals| finals.readwrite());
-            let mut episode_returns = episode_returns.readwrite();
-            let mut episode_steps = episode_steps.readwrite();
-            let mut episode_terms = episode_terms.readwrite();
-            let output = StepOutput {
-                observations: observations.as_slice_mut()?,
-                rewards: rewards.as_slice_mut()?,
-                terminated: terminated.as_slice_mut()?,
-                truncated: truncated.as_slice_mut()?,
-                terms: terms.as_slice_mut()?,
-                reasons: reasons.as_slice_mut()?,
-                final_observations: finals.as_mut().map(|finals| finals.as_slice_mut()).transpose()?.unwrap_or(&mut []),
-                started: started.as_slice_mut()?,
-                episode_returns: episode_returns.as_slice_mut()?,
-                episode_steps: episode_steps.as_slice_mut()?,
-                episode_terms: episode_terms.as_slice_mut()?,
-            };
-            let batch = &mut self.batch;
-            py.detach(|| batch.step(actions, output))?;
-            eventful = started.as_slice()?.contains(&true) || reasons.as_slice()?.iter().any(|&reason| reason != 0);
-        }
-        Ok(PyStep {
-            observations: observations.unbind(),
-            rewards: rewards.unbind(),
-            terminated: terminated.unbind(),
-            truncated: truncated.unbind(),
-            terms: terms.unbind(),
-            reasons: reasons.unbind(),
-            started: started.unbind(),
-            eventful,
-            final_observations: finals.map(Bound::unbind),
-            episode_returns: episode_returns.unbind(),
-            episode_steps: episode_steps.unbind(),
-            episode_terms: episode_terms.unbind(),
-        })
+        self.outputs.step(py, &mut self.batch, actions.as_slice()?)
     }
 
     /// Normalises observations from now on by their running moments.
