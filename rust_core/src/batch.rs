@@ -9,6 +9,7 @@ use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup, StepO
 use crate::error::{Error, Result};
 use crate::lanes::vectorised;
 use crate::params::within;
+use crate::prefetch::prefetch;
 use crate::randomisation::Randomiser;
 use crate::recorder::{Recorder, Row};
 use crate::reward::TERMS;
@@ -25,6 +26,8 @@ const SCALAR_BELOW: usize = 4;
 const PARALLEL_FROM: usize = 6;
 /// Blocks that a thread takes at least.
 const BLOCKS_PER_TASK: usize = 4;
+/// Tasks that a step is cut into at most: enough for threads to end together, few enough to be handed out at no cost.
+const MOST_TASKS: usize = 128;
 
 /// A block of environments of some width; `lane` and the slices' lengths cover its used lanes.
 trait Block: Send + Sync + std::fmt::Debug {
@@ -40,6 +43,7 @@ trait Block: Send + Sync + std::fmt::Debug {
     fn snapshot(&self, lane: usize) -> Row;
     fn ground_height(&self, lane: usize, x: f64) -> f64;
     fn bytes(&self) -> usize;
+    fn prefetch(&self);
 }
 
 /// What a thread needs for a step, made when it is first needed. Boxed: Python aligns the batch to 16 bytes, columns need 64.
@@ -97,6 +101,9 @@ macro_rules! block {
             }
             fn ground_height(&self, lane: usize, x: f64) -> f64 {
                 self.model.plant.ground_height(lane, x)
+            }
+            fn prefetch(&self) {
+                self.environments.prefetch();
             }
             fn bytes(&self) -> usize {
                 size_of::<Self>() + size_of_val(self.environments.observations())
@@ -250,22 +257,23 @@ impl Batch {
             return Err(Error::Invalid(format!("environment {index} has ended: reset it before its next step")));
         }
         let setup = &self.setup;
-        let work = self.blocks.iter_mut().zip(split(actions, output, self.width, setup));
-        if self.threads == 1 || work.len() < PARALLEL_FROM {
-            let scratches = &mut self.scratches;
-            work.for_each(|(block, (actions, mut output))| block.step(setup, actions, &mut output, scratches));
-        } else {
-            let work: Vec<_> = work.collect();
-            let (pool, scratches) = pool(&mut self.pool, self.threads)?;
-            pool.install(|| {
-                work.into_par_iter().with_min_len(BLOCKS_PER_TASK).for_each(|(block, (actions, mut output))| {
-                    // Each thread has its own, so nobody ever waits; a poisoned one holds nothing that matters.
-                    let mine = &scratches[rayon::current_thread_index().unwrap_or(0)];
-                    let mut mine = mine.lock().unwrap_or_else(PoisonError::into_inner);
-                    block.step(setup, actions, &mut output, &mut mine);
-                });
-            });
+        let blocks = self.blocks.len();
+        if self.threads == 1 || blocks < PARALLEL_FROM {
+            run(&mut self.blocks, self.width, setup, actions, output, &mut self.scratches);
+            return Ok(());
         }
+        let (pool, scratches) = pool(&mut self.pool, self.threads)?;
+        let task = BLOCKS_PER_TASK.max(blocks / MOST_TASKS);
+        let tasks = self.blocks.chunks_mut(task).zip(split(actions, output, self.width * task, setup));
+        let tasks: Vec<_> = tasks.collect();
+        pool.install(|| {
+            tasks.into_par_iter().for_each(|(blocks, (actions, output))| {
+                // Each thread has its own, so nobody ever waits; a poisoned one holds nothing that matters.
+                let mine = &scratches[rayon::current_thread_index().unwrap_or(0)];
+                let mut mine = mine.lock().unwrap_or_else(PoisonError::into_inner);
+                run(blocks, self.width, setup, actions, output, &mut mine);
+            });
+        });
         Ok(())
     }
 
@@ -350,6 +358,26 @@ impl Batch {
             return Ok(());
         }
         Err(Error::Invalid(format!("{name} has {length} entries, must have one per environment: {}", self.num_envs)))
+    }
+}
+
+/// Steps blocks one after another.
+fn run(
+    blocks: &mut [Box<dyn Block>],
+    width: usize,
+    setup: &Setup,
+    actions: &[f64],
+    output: StepOutput<'_>,
+    scratches: &mut Scratches,
+) {
+    let mut work = blocks.iter_mut().zip(split(actions, output, width, setup)).peekable();
+    while let Some((block, (actions, mut output))) = work.next() {
+        if let Some((next, (actions, output))) = work.peek() {
+            next.prefetch();
+            prefetch(*actions);
+            output.prefetch();
+        }
+        block.step(setup, actions, &mut output, scratches);
     }
 }
 

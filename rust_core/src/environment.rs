@@ -12,6 +12,7 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::judgement;
 use crate::math::{SPLITMIX_STEP, scramble};
+use crate::prefetch::prefetch;
 use crate::prosthesis_controller::agent::observation::{Sight, Truth};
 use crate::prosthesis_controller::agent::{ActionMap, Actuation, Actuations, ObservationMap};
 use crate::randomisation::Randomiser;
@@ -83,6 +84,20 @@ pub struct StepOutput<'a> {
 }
 
 impl StepOutput<'_> {
+    /// Has what a step writes fetched into the caches.
+    #[inline(always)]
+    pub fn prefetch(&self) {
+        prefetch(self.observations);
+        prefetch(self.rewards);
+        prefetch(self.terminated);
+        prefetch(self.truncated);
+        prefetch(self.terms);
+        prefetch(self.reasons);
+        prefetch(self.started);
+        prefetch(self.episode_returns);
+        prefetch(self.episode_steps);
+    }
+
     /// The same for a shorter time.
     pub fn reborrow(&mut self) -> StepOutput<'_> {
         StepOutput {
@@ -199,6 +214,16 @@ impl<const L: usize> Environments<L> {
         if lanes.contains(&true) {
             self.start(setup, model, lanes, scratch);
         }
+    }
+
+    /// Has what a step works on fetched into the caches.
+    #[inline(always)]
+    pub fn prefetch(&self) {
+        self.simulation.prefetch();
+        prefetch(&self.envs);
+        prefetch(&self.actuation.now);
+        prefetch(&self.fall_height);
+        prefetch(self.observations.as_slice());
     }
 
     /// Newest observations, (L, observation size).

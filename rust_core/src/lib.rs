@@ -19,6 +19,7 @@ pub mod integrator;
 mod lanes;
 pub mod math;
 pub mod params;
+mod prefetch;
 pub mod signals;
 
 pub mod compliant_ground;

@@ -15,6 +15,7 @@ use crate::energy_meter::EnergyMeter;
 use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, WalkerMemory, WalkerState, Walkers};
 use crate::integrator::{self, HybridFlow, Workspace};
 use crate::lanes::vectorised;
+use crate::prefetch::prefetch;
 use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
 use crate::scenario::Episode;
 use crate::sensors::{self, SensorMemory, Sensors};
@@ -144,6 +145,20 @@ impl<const L: usize> Simulation<L> {
             next_push: [0; L],
             episode: std::array::from_fn(|_| None),
         }
+    }
+
+    /// Has what a control period works on fetched into the caches.
+    #[inline(always)]
+    pub fn prefetch(&self) {
+        prefetch(&self.state);
+        self.walkers.prefetch();
+        self.sensors.prefetch();
+        prefetch(&self.readings);
+        prefetch(&self.state_machine);
+        prefetch(&self.state_machine_command);
+        prefetch(&self.sample);
+        prefetch(&self.next_intent);
+        prefetch(&self.next_push);
     }
 
     /// Starts `episode` in `lane`; call [`observe_started`](Self::observe_started) after the last start.
