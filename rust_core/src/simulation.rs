@@ -281,6 +281,7 @@ impl<const L: usize> Simulation<L> {
         if fired.contains(&true) {
             plant.transition(state, &fired);
         }
+        plant.note_touch();
         self.disturb();
     }
 

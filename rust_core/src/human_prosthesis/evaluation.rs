@@ -7,9 +7,33 @@ use crate::compliant_ground::ContactLanes;
 use crate::human_controller::impedance::ImpedanceTorqueLanes;
 use crate::human_controller::slip_leg::TrunkForceLanes;
 use crate::hybrid_dynamics::walker::{AccelerationLanes, KinematicsLanes, PrescribedLanes};
+use crate::lanes::lanes;
 use crate::prosthesis_device::geared_motor::MotorSignalsLanes;
 use crate::prosthesis_device::{JointMotionLanes, UnitTorqueLanes};
 use crate::terrain::{Surface, SurfaceLanes};
+
+lanes! {
+    /// What the walker's knee and foot touch.
+    pub struct Touch, TouchLanes {
+        /// Knee flexion above contact with the extension stop, rad.
+        stop_gap: f64,
+        /// Normal force on the heel, N.
+        heel: f64,
+        /// Normal force on the ball, N.
+        ball: f64,
+    }
+}
+
+impl Touch {
+    /// Whether the knee has reached its stop, or the ground has let go of the foot, since things were as in `before`.
+    #[inline(always)]
+    pub fn jumps(&self, before: &Self) -> bool {
+        let impact = (before.stop_gap >= 0.0) & (self.stop_gap < 0.0);
+        let heel_off = (before.heel > 0.0) & (self.heel <= 0.0);
+        let ball_off = (before.ball > 0.0) & (self.ball <= 0.0);
+        impact | heel_off | ball_off
+    }
+}
 
 /// Signals of the last evaluation of a block of walkers.
 #[derive(Clone, Debug)]
@@ -34,6 +58,8 @@ pub struct Signals<const L: usize> {
     pub(super) unit_torque: UnitTorqueLanes<L>,
     pub(super) device: DeviceTorqueLanes<L>,
     pub(super) acceleration: AccelerationLanes<L>,
+    /// What touched what at the start of the present step.
+    pub(super) touch: TouchLanes<L>,
     pub(super) flexion_acceleration: [f64; L],
     pub(super) general: Option<Box<GeneralSignals<L>>>,
 }
@@ -58,6 +84,7 @@ impl<const L: usize> Signals<L> {
             unit_torque: UnitTorqueLanes::default(),
             device: DeviceTorqueLanes::default(),
             acceleration: AccelerationLanes::default(),
+            touch: TouchLanes::default(),
             flexion_acceleration: [0.0; L],
             general: model.general.as_ref().map(|general| Box::new(GeneralSignals::new(general))),
         }

@@ -20,6 +20,7 @@ mod torques;
 mod walkers;
 
 pub use evaluation::Signals;
+use evaluation::Touch;
 pub use model::Model;
 pub use outputs::{Evaluated, POWERS, SpecificForce};
 pub use skeleton::Skeleton;
@@ -169,8 +170,20 @@ impl<const L: usize> HumanProsthesis<'_, L> {
     }
 
     #[inline(always)]
-    fn reaches_stop(&self, lane: usize) -> bool {
-        self.signals.joint.flexion[lane] < self.model.end_stop.extension[lane]
+    fn touch(&self, lane: usize) -> Touch {
+        Touch {
+            stop_gap: self.signals.joint.flexion[lane] - self.model.end_stop.extension[lane],
+            heel: self.signals.contacts[HEEL].normal[lane],
+            ball: self.signals.contacts[BALL].normal[lane],
+        }
+    }
+
+    /// Takes note of what touches what in the sensed state: a step begins here.
+    #[inline(always)]
+    pub fn note_touch(&mut self) {
+        for lane in 0..L {
+            self.signals.touch.set(lane, self.touch(lane));
+        }
     }
 
     fn step_transition(&mut self, state: &State<L>, lane: usize) {
@@ -296,14 +309,14 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
         fired
     }
 
-    /// The human's, and impacts on the extension stop: its damper makes the torque jump, which steps of a millisecond feel and
-    /// those of the reference do not. A rotor may stop or break away at a step's end.
+    /// The human's; impacts on the extension stop, whose damper makes the torque jump; and the ground letting go of heel or
+    /// ball, beyond which an implicit step would hold on to them. Steps of a millisecond feel these, those of the reference do
+    /// not. A rotor may stop or break away at a step's end.
     #[inline(always)]
     fn urgent(&self, state: &State<L>, _fired: &[bool; L]) -> [bool; L] {
         let mut urgent = [false; L];
         for lane in 0..L {
-            let impact = self.reaches_stop(lane) & !self.walkers.at_stop[lane];
-            urgent[lane] = self.steps(state, lane) | impact;
+            urgent[lane] = self.steps(state, lane) | self.touch(lane).jumps(&self.signals.touch.get(lane));
         }
         urgent
     }
@@ -318,9 +331,9 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
         for lane in 0..L {
             let joint = self.signals.joint.get(lane);
             let stop = extension_stop(&self.model.end_stop.get(lane), joint.flexion, joint.flexion_rate);
-            self.walkers.at_stop[lane] = self.reaches_stop(lane);
             self.walkers.extension_stop_peak[lane] = max(stop.torque, self.walkers.extension_stop_peak[lane]);
         }
+        self.note_touch();
     }
 }
 

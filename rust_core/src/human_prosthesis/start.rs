@@ -60,7 +60,6 @@ impl<const L: usize> HumanProsthesis<'_, L> {
         state.rest.set(lane, Rest::default());
         Self::start_general(state, lane, reference.trunk);
         self.walkers.direction[lane] = 0.0;
-        self.walkers.at_stop[lane] = false;
         let rotor = self.model.unit.start(lane, motion.thigh - motion.shank);
         state.rotor.set(lane, rotor);
         self.walkers.memory[lane] = match start {

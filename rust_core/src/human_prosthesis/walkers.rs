@@ -23,8 +23,6 @@ pub struct Walkers<const L: usize> {
     // Discrete state.
     /// Direction of rotation of the knee unit's rotor (-1, 0, 1).
     pub(super) direction: [f64; L],
-    /// Whether the knee lay against its extension stop at the end of the last step.
-    pub(super) at_stop: [bool; L],
     pub(super) drive: DriveLanes<L>,
     pub(super) guard: GuardLanes<L>,
     /// Largest extension-stop torque at the end of any step since it was last cleared, N m.
@@ -43,7 +41,6 @@ impl<const L: usize> Default for Walkers<L> {
             intent: [0.0; L],
             profile: std::array::from_fn(|_| Profile::default()),
             direction: [0.0; L],
-            at_stop: [false; L],
             drive: DriveLanes::default(),
             guard: GuardLanes::default(),
             extension_stop_peak: [0.0; L],
@@ -60,7 +57,6 @@ pub struct WalkerMemory {
     push: [f64; 2],
     intent: f64,
     direction: f64,
-    at_stop: bool,
     extension_stop_peak: f64,
     human: Memory,
 }
@@ -74,7 +70,6 @@ impl<const L: usize> Walkers<L> {
         {
             prefetch(column);
         }
-        prefetch(&self.at_stop);
         prefetch(&self.drive);
         prefetch(&self.guard);
     }
@@ -86,7 +81,6 @@ impl<const L: usize> Walkers<L> {
             push: [self.push_x[lane], self.push_y[lane]],
             intent: self.intent[lane],
             direction: self.direction[lane],
-            at_stop: self.at_stop[lane],
             extension_stop_peak: self.extension_stop_peak[lane],
             human: self.memory[lane],
         }
@@ -98,7 +92,6 @@ impl<const L: usize> Walkers<L> {
         [self.push_x[lane], self.push_y[lane]] = walker.push;
         self.intent[lane] = walker.intent;
         self.direction[lane] = walker.direction;
-        self.at_stop[lane] = walker.at_stop;
         self.extension_stop_peak[lane] = walker.extension_stop_peak;
         self.memory[lane] = walker.human;
         self.refresh_drive(model, lane);
