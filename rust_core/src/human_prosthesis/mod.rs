@@ -313,10 +313,10 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
     /// ball, beyond which an implicit step would hold on to them. Steps of a millisecond feel these, those of the reference do
     /// not. A rotor may stop or break away at a step's end.
     #[inline(always)]
-    fn urgent(&self, state: &State<L>, _fired: &[bool; L]) -> [bool; L] {
+    fn urgent(&self, state: &State<L>, fired: &[bool; L]) -> [bool; L] {
         let mut urgent = [false; L];
         for lane in 0..L {
-            urgent[lane] = self.steps(state, lane) | self.touch(lane).jumps(&self.signals.touch.get(lane));
+            urgent[lane] = fired[lane] | self.touch(lane).jumps(&self.signals.touch.get(lane));
         }
         urgent
     }
