@@ -62,6 +62,12 @@ impl<const L: usize> StateVector<L> for MeteredState<L> {
             }
         }
     }
+
+    #[inline(always)]
+    fn interpolate(&mut self, start: &Self, end: &Self, share: &[f64; L]) {
+        // Events look at the state alone.
+        self.state.interpolate(&start.state, &end.state, share);
+    }
 }
 
 /// The plant with its work integrated beside its state, by the same quadrature.

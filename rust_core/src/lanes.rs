@@ -45,6 +45,12 @@ macro_rules! integrable {
             fn add_scaled(&mut self, base: &Self, step: &[f64; L], rate: &Self) {
                 $(for lane in 0..L { self.$field[lane] = step[lane].mul_add(rate.$field[lane], base.$field[lane]); })+
             }
+            #[inline(always)]
+            fn interpolate(&mut self, start: &Self, end: &Self, share: &[f64; L]) {
+                $(for lane in 0..L {
+                    self.$field[lane] = share[lane].mul_add(end.$field[lane] - start.$field[lane], start.$field[lane]);
+                })+
+            }
         }
     };
 }

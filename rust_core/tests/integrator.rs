@@ -28,6 +28,14 @@ impl<const N: usize, const L: usize> StateVector<L> for Columns<N, L> {
             }
         }
     }
+
+    fn interpolate(&mut self, start: &Self, end: &Self, share: &[f64; L]) {
+        for i in 0..N {
+            for lane in 0..L {
+                self.0[i][lane] = start.0[i][lane] + share[lane] * (end.0[i][lane] - start.0[i][lane]);
+            }
+        }
+    }
 }
 
 /// A flow of `N` variables, time being the first, and its solution.

@@ -73,6 +73,16 @@ impl<const L: usize> StateVector<L> for GeneralState<L> {
             }
         }
     }
+
+    fn interpolate(&mut self, start: &Self, end: &Self, share: &[f64; L]) {
+        self.deflection.interpolate(&start.deflection, &end.deflection, share);
+        self.deflection_rate.interpolate(&start.deflection_rate, &end.deflection_rate, share);
+        for ((between, start), end) in self.deformation.iter_mut().zip(&start.deformation).zip(&end.deformation) {
+            for lane in 0..L {
+                between[lane] = share[lane].mul_add(end[lane] - start[lane], start[lane]);
+            }
+        }
+    }
 }
 
 impl<const L: usize> StateVector<L> for State<L> {
@@ -86,6 +96,19 @@ impl<const L: usize> StateVector<L> for State<L> {
         }
         if let (Some(sum), Some(base), Some(rate)) = (&mut self.general, &base.general, &rate.general) {
             sum.add_scaled(base, step, rate);
+        }
+    }
+
+    #[inline(always)]
+    fn interpolate(&mut self, start: &Self, end: &Self, share: &[f64; L]) {
+        self.motion.interpolate(&start.motion, &end.motion, share);
+        self.reference.interpolate(&start.reference, &end.reference, share);
+        self.rest.interpolate(&start.rest, &end.rest, share);
+        if self.turns {
+            self.rotor.interpolate(&start.rotor, &end.rotor, share);
+        }
+        if let (Some(between), Some(start), Some(end)) = (&mut self.general, &start.general, &end.general) {
+            between.interpolate(start, end, share);
         }
     }
 }
