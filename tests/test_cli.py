@@ -66,7 +66,7 @@ def test_saved_trial_is_the_one_walked(tmp_path: Path) -> None:
     assert main([*SHORT, "--solver", "fast", "--set", "knee.spring_nm_rad=1.5", "--out", str(path)]) == 0
     trial = load_trial(path)
     assert trial.config["knee"]["spring_nm_rad"] == 1.5
-    assert trial.config["solver"] == {"stepper": "two_stage_w", "steps": 5}
+    assert trial.config["solver"] == {"stepper": "two_stage_w", "steps": 0}
     assert trial.end_s == pytest.approx(5.0)
 
 

@@ -13,7 +13,7 @@ from rich.table import Table
 
 from prosthesis_gym.accuracy import EPISODES, HALF_REFERENCE, GaitError, falls, gait_errors
 from prosthesis_gym.cli.parsers import Commands, new_parser
-from prosthesis_gym.config import REFERENCE_SOLVER, Config, merge, resolve
+from prosthesis_gym.config import FAST_SOLVER, REFERENCE_SOLVER, Config, merge, resolve
 from prosthesis_gym.files import atomic_write
 
 _EXAMPLES = """\
@@ -26,10 +26,10 @@ examples:
 
 def add_parser(commands: Commands) -> None:
     """Declare the command."""
-    summary = "compare solvers with the converged reference (rk4 with 50 steps)"
+    summary = "compare solvers with the converged reference (rk4; 200 steps for steady gait, 50 for falls)"
     parser = new_parser(commands, "accuracy", summary, _EXAMPLES)
     add = parser.add_argument
-    add("--solver", nargs="+", metavar="STEPPER:STEPS", help="default: the configuration's")
+    add("--solver", nargs="+", metavar="STEPPER[:STEPS]", help="default: the configuration's")
     add("--devices", nargs="+", default=["damper", "motor"], metavar="KNEE", help="default: damper motor")
     add("--speeds", nargs="+", type=float, default=[0.9, 1.1, 1.3], metavar="M/S", help="default: 0.9 1.1 1.3")
     add(
@@ -47,13 +47,12 @@ def run(arguments: argparse.Namespace) -> None:
     """Measure and print."""
     if arguments.episodes < 0:
         raise ValueError(f"--episodes = {arguments.episodes} must be 0 or more")
-    default = resolve({})["solver"]
-    solvers = [_solver(text) for text in arguments.solver or [f"{default['stepper']}:{default['steps']}"]]
+    solvers = [_solver(text) for text in arguments.solver or [FAST_SOLVER["solver"]["stepper"]]]
     console = Console()
     errors: list[tuple[str, GaitError]] = []
-    for solver in solvers:
-        found = gait_errors(solver, arguments.devices, arguments.speeds)
-        errors += [(_name(solver), error) for error in track(list(found), "walking", console=console, transient=True)]
+    walks = [(solver, device, speed) for solver in solvers for device in arguments.devices for speed in arguments.speeds]
+    for solver, device, speed in track(walks, "walking", console=console, transient=True):
+        errors += [(_name(solver), error) for error in gait_errors(solver, [device], [speed])]
     if arguments.out:
         _save(errors, arguments.out)
     for solver in solvers:
@@ -64,15 +63,16 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _solver(text: str) -> Config:
     stepper, colon, steps = text.partition(":")
-    if not (colon and steps.isdigit()):
-        raise ValueError(f"--solver {text!r} must have the form STEPPER:STEPS, like two_stage_w:5")
-    solver: Config = {"solver": {"stepper": stepper, "steps": int(steps)}}
+    if colon and not steps.isdigit():
+        raise ValueError(f"--solver {text!r} must have the form STEPPER or STEPPER:STEPS, like two_stage_w:5")
+    solver: Config = {"solver": {"stepper": stepper, "steps": int(steps or 0)}}
     resolve(solver)
     return solver
 
 
 def _name(solver: Config) -> str:
-    return "{stepper}:{steps}".format(**solver["solver"])
+    stepper, steps = solver["solver"]["stepper"], solver["solver"]["steps"]
+    return f"{stepper}:{steps}" if steps else str(stepper)
 
 
 def _gait_table(name: str, errors: list[GaitError]) -> Table:

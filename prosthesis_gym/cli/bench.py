@@ -117,9 +117,8 @@ def measure(device: str, mode: str, threads: int, walkers: int, *, seconds: floa
         calls += _DRAWS
     env.close()
     rate = calls * walkers / elapsed
-    solver = env.config["solver"]
-    stages = {"two_stage_w": 2, "rk4": 4}.get(solver["stepper"], 1)
-    per_evaluation = 1e9 * threads / (rate * (solver["steps"] * stages + 1))
+    stages = {"two_stage_w": 2, "rk4": 4}.get(env.config["solver"]["stepper"], 1)
+    per_evaluation = 1e9 * threads / (rate * (env.batch.solver_steps * stages + 1))
     return Result(device, mode, walkers, threads, rate, rate * CONTROL_PERIOD_S, 1e6 * elapsed / calls, per_evaluation)
 
 

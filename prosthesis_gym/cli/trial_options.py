@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from prosthesis_gym.bodies import scaled_body
-from prosthesis_gym.config import REFERENCE_SOLVER, apply_settings, load_config, merge, resolve
+from prosthesis_gym.config import FAST_SOLVER, REFERENCE_SOLVER, apply_settings, load_config, merge, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.scenarios import SCENARIOS, load_scenario
@@ -24,7 +24,7 @@ DEFAULTS: dict[str, Any] = {
 }
 _WITHOUT_SCENARIO = {section: table for section, table in DEFAULTS.items() if section != "scenario"}
 #: Configurations of `--solver`.
-SOLVERS = {"fast": {"solver": resolve({})["solver"]}, "reference": REFERENCE_SOLVER}
+SOLVERS = {"fast": FAST_SOLVER, "reference": REFERENCE_SOLVER}
 _CONTROLLERS = (
     "state-machine (default), constant:VALUE "
     f"({', '.join(device.command for device in DEVICES.values())}) or a policy's folder"

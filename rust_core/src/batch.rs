@@ -193,6 +193,11 @@ impl Batch {
         self.setup.action_size()
     }
 
+    /// Steps of the integration per control period.
+    pub fn solver_steps(&self) -> usize {
+        self.setup.config.steps()
+    }
+
     /// What happens after an episode's end.
     pub fn autoreset(&self) -> Autoreset {
         self.setup.autoreset

@@ -13,7 +13,6 @@ use crate::prosthesis_controller::agent::action::ActionMode;
 use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};
 use crate::prosthesis_controller::damper_fsm::DamperFsmParams;
 use crate::prosthesis_controller::motor_fsm::MotorFsmParams;
-use crate::prosthesis_device::DeviceParams;
 use crate::prosthesis_device::constant_friction::ConstantFrictionParams;
 use crate::prosthesis_device::end_stop::EndStopParams;
 use crate::prosthesis_device::geared_motor::GearedMotorParams;
@@ -22,6 +21,7 @@ use crate::prosthesis_device::socket::{SocketParams, socket};
 use crate::prosthesis_device::spring_damper::Connection;
 use crate::prosthesis_device::tube::{TubeParams, tube};
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
+use crate::prosthesis_device::{DeviceKind, DeviceParams};
 use crate::randomisation::Randomiser;
 use crate::reward::RewardParams;
 use crate::scenario::ScenarioParams;
@@ -35,19 +35,30 @@ use crate::termination::TerminationParams;
 pub struct SolverParams {
     /// One-step method.
     pub stepper: Stepper,
-    /// Steps per 5 ms control period.
+    /// Steps per 5 ms control period; 0 for as many as the accuracy needs.
     pub steps: usize,
 }
 
 impl Default for SolverParams {
     fn default() -> Self {
-        Self { stepper: Stepper::TwoStageW, steps: 5 }
+        Self { stepper: Stepper::TwoStageW, steps: 0 }
     }
 }
 
 impl SolverParams {
     /// The converged reference: RK4 at 0.1 ms with located events.
     pub const REFERENCE: Self = Self { stepper: Stepper::Rk4, steps: 50 };
+
+    /// Steps per control period of a walker with the given knee unit. Friction makes a motor stick and slip many times in a
+    /// stride, which takes shorter steps (docs/numerics.md).
+    pub fn steps_with(&self, device: DeviceKind) -> usize {
+        match (self.steps, self.stepper) {
+            (0, Stepper::Rk4) => Self::REFERENCE.steps,
+            (0, _) if device.has_motor() => 8,
+            (0, _) => 5,
+            (steps, _) => steps,
+        }
+    }
 
     fn table(path: &str) -> Vec<ParameterDoc> {
         let defaults = Self::default();
@@ -66,13 +77,18 @@ impl SolverParams {
                 steppers,
                 "One-step method; two_stage_w is the fast one, rk4 with 50 steps the reference.",
             ),
-            row("steps", defaults.steps.to_string(), "[1, 10000], rk4 [20, 10000]", "Steps per 5 ms control period."),
+            row(
+                "steps",
+                defaults.steps.to_string(),
+                "[0, 10000], rk4 0 or [20, 10000]",
+                "Steps per 5 ms control period; 0 for as many as the accuracy needs: 5, with a motor 8, with rk4 50.",
+            ),
         ]
     }
 
     fn validate(&self, path: &str) -> Result<()> {
         // Explicit steps diverge on the contact damping above about 0.3 ms.
-        let fewest = if self.stepper == Stepper::Rk4 { 20.0 } else { 1.0 };
+        let fewest = if self.stepper == Stepper::Rk4 && self.steps != 0 { 20.0 } else { 0.0 };
         within(fewest, MOST_STEPS).check(&format!("{path}.steps"), self.steps as f64, "")
     }
 }
@@ -196,14 +212,18 @@ impl Config {
                 ground.edge_m, ground.stair_run_m
             )));
         }
-        let fewest = self.explicit_steps();
-        if self.solver.stepper == Stepper::Rk4 && (self.solver.steps as f64) < fewest {
+        let (steps, fewest) = (self.steps(), self.explicit_steps());
+        if self.solver.stepper == Stepper::Rk4 && (steps as f64) < fewest {
             return Err(Error::Invalid(format!(
-                "solver.steps = {} must be at least {fewest} for solver.stepper = rk4 with this compliant socket or tube",
-                self.solver.steps
+                "solver.steps = {steps} must be at least {fewest} for solver.stepper = rk4 with this compliant socket or tube"
             )));
         }
         Ok(())
+    }
+
+    /// Steps of the integration per control period.
+    pub fn steps(&self) -> usize {
+        self.solver.steps_with(self.device.kind)
     }
 
     /// Steps per control period below which explicit steps diverge on the dampers of socket and tube.

@@ -24,10 +24,10 @@ pub trait HybridFlow<const L: usize> {
     /// In which lanes the guard of an event holds at the sensed state.
     fn fired(&self, state: &Self::State) -> [bool; L];
 
-    /// In which lanes something has happened that a stepper other than the reference has to split its step at; the reference does
-    /// so at every event of `fired`.
-    fn urgent(&self, _state: &Self::State, fired: &[bool; L]) -> [bool; L] {
-        *fired
+    /// In which lanes something has happened since the step began that a long step has to be split at. Short ones are split at
+    /// the events of `fired`.
+    fn splits(&self, state: &Self::State) -> [bool; L] {
+        self.fired(state)
     }
 
     /// Carries out the event of every lane in `fired`.
@@ -102,8 +102,9 @@ impl Stepper {
         }
     }
 
-    /// Whether it looks for events on the straight line between a step's ends, which spares steps of every length tried.
-    const fn interpolates(self) -> bool {
+    /// Whether its steps are long: it chooses what to split them at, and looks for that on the straight line between a step's ends,
+    /// which spares steps of every length tried.
+    const fn takes_long_steps(self) -> bool {
         matches!(self, Self::TwoStageW)
     }
 }
@@ -168,7 +169,7 @@ fn advance_step<const L: usize, F: HybridFlow<L>>(
         let mut located = [false; L];
         // The whole step; where that passes an event, bisections, and then the step up to the event's far side.
         for attempt in 0..=bisections + 1 {
-            let looks = attempt > 0 && attempt <= bisections && stepper.interpolates();
+            let looks = attempt > 0 && attempt <= bisections && stepper.takes_long_steps();
             if attempt > 0 {
                 if looks {
                     let share = std::array::from_fn(|lane| trial[lane] / remaining[lane].max(f64::MIN_POSITIVE));
@@ -220,8 +221,7 @@ fn advance_step<const L: usize, F: HybridFlow<L>>(
 /// In which lanes the stepper has to split its step.
 #[inline(always)]
 fn to_locate<const L: usize, F: HybridFlow<L>>(flow: &F, state: &F::State, stepper: Stepper) -> [bool; L] {
-    let fired = flow.fired(state);
-    if stepper == Stepper::Rk4 { fired } else { flow.urgent(state, &fired) }
+    if stepper.takes_long_steps() { flow.splits(state) } else { flow.fired(state) }
 }
 
 /// One step of size `step` per lane from the sensed `state`, which is also in `work.start`. The state is sensed on return.

@@ -38,7 +38,7 @@ impl<const L: usize> Model<L> {
             plant: human_prosthesis::Model::new(config),
             sensors: sensors::Model::new(&config.sensors),
             reference: ReferenceParams::from(config),
-            solver: config.solver,
+            solver: SolverParams { steps: config.steps(), ..config.solver },
         }
     }
 
@@ -233,9 +233,7 @@ impl<const L: usize> Simulation<L> {
 
     /// Fills `scratch` with the signals at the present state, as the last control period left them.
     pub fn evaluate(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
-        let (mut plant, state) = self.plant(model, scratch);
-        plant.sense(state);
-        self.measure(model, scratch);
+        evaluate(self, model, scratch);
     }
 
     /// The episode that runs in `lane`.
@@ -437,6 +435,14 @@ impl<const L: usize> Trial<L> {
     /// The human-prosthesis system at the present sample.
     pub fn plant(&self) -> Evaluated<'_, L> {
         self.sampled().plant()
+    }
+}
+
+vectorised! {
+    fn evaluate<const L: usize>(simulation: &mut Simulation<L>, model: &Model<L>, scratch: &mut Scratch<L>) {
+        let (mut plant, state) = simulation.plant(model, scratch);
+        plant.sense(state);
+        simulation.measure(model, scratch);
     }
 }
 

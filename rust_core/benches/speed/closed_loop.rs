@@ -12,10 +12,7 @@ use prosthesis_gym_core::prosthesis_device::DeviceKind;
 use prosthesis_gym_core::signals::CONTROL_PERIOD_S;
 use prosthesis_gym_core::simulation::{Model, Scratch, Simulation};
 
-use crate::walk::{Block, LANES, config, run_narrow, run_wide, steady};
-
-/// Runs blocks; compiled for their width.
-type Run<B> = fn(&<B as Block>::Constants, &mut [B]);
+use crate::walk::{Block, LANES, config, run, steady};
 
 /// Integrator and closed loop.
 pub fn all(criterion: &mut Criterion) {
@@ -24,13 +21,13 @@ pub fn all(criterion: &mut Criterion) {
     for (name, solver) in [("rk4", SolverParams::REFERENCE), ("linearly_implicit_euler", euler), ("two_stage_w", fast)]
     {
         let name = format!("integrator steps/{name}");
-        steps::<1>(criterion, &name, solver, run_narrow);
-        steps::<LANES>(criterion, &name, solver, run_wide);
+        steps::<1>(criterion, &name, solver);
+        steps::<LANES>(criterion, &name, solver);
     }
     for kind in [DeviceKind::Damper, DeviceKind::Motor, DeviceKind::Friction] {
         let name = format!("control period/{kind:?}").to_lowercase();
-        period::<1>(criterion, &name, kind, run_narrow);
-        period::<LANES>(criterion, &name, kind, run_wide);
+        period::<1>(criterion, &name, kind);
+        period::<LANES>(criterion, &name, kind);
     }
 }
 
@@ -51,7 +48,7 @@ impl<const L: usize> ClosedLoop<L> {
         simulation.observe_started(&model, &[true; L], &mut scratch);
         let mut walkers = Self { simulation, scratch };
         for _ in 0..SETTLING_PERIODS {
-            run_narrow(&model, from_mut(&mut walkers));
+            run(&model, from_mut(&mut walkers));
         }
         (model, walkers)
     }
@@ -67,14 +64,17 @@ impl<const L: usize> Block for ClosedLoop<L> {
     }
 }
 
-fn period<const L: usize>(criterion: &mut Criterion, name: &str, kind: DeviceKind, run: Run<ClosedLoop<L>>) {
-    let (model, mut walkers) = ClosedLoop::new(kind);
+fn period<const L: usize>(criterion: &mut Criterion, name: &str, kind: DeviceKind) {
+    let (model, mut walkers) = ClosedLoop::<L>::new(kind);
     let mut group = criterion.benchmark_group(name);
     group.throughput(Throughput::Elements(L as u64));
     group.bench_function(BenchmarkId::from_parameter(L), |bencher| {
         bencher.iter(|| run(&model, from_mut(black_box(&mut walkers))));
     });
 }
+
+/// Knee unit of the integrator's steps.
+const KIND: DeviceKind = DeviceKind::Damper;
 
 /// The integrator's steps of one control period, from one moment of a walk.
 #[derive(Clone)]
@@ -91,6 +91,7 @@ impl<const L: usize> Steps<L> {
         let Simulation { state, walkers, .. } = simulation;
         let (mut walkers, mut signals) = (walkers.clone(), Signals::new(model));
         HumanProsthesis { model, walkers: &mut walkers, signals: &mut signals }.sense(state);
+        let solver = SolverParams { steps: solver.steps_with(KIND), ..solver };
         Self { state: state.clone(), walkers, signals, work: Workspace::new(state), solver }
     }
 }
@@ -106,11 +107,11 @@ impl<const L: usize> Block for Steps<L> {
     }
 }
 
-fn steps<const L: usize>(criterion: &mut Criterion, name: &str, solver: SolverParams, run: Run<Steps<L>>) {
-    let (model, walkers) = ClosedLoop::<L>::new(DeviceKind::Damper);
+fn steps<const L: usize>(criterion: &mut Criterion, name: &str, solver: SolverParams) {
+    let (model, walkers) = ClosedLoop::<L>::new(KIND);
     let period = Steps::new(&model.plant, &walkers.simulation, solver);
     let mut group = criterion.benchmark_group(name);
-    group.throughput(Throughput::Elements((L * solver.steps) as u64));
+    group.throughput(Throughput::Elements((L * period.solver.steps) as u64));
     group.bench_function(BenchmarkId::from_parameter(L), |bencher| {
         // A batch of periods would leave the caches, which the threads of a batch do not.
         let routine = |period: &mut Steps<L>| run(&model.plant, from_mut(period));

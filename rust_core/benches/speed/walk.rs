@@ -29,23 +29,15 @@ pub trait Block {
     fn run(&mut self, constants: &Self::Constants);
 }
 
-/// Runs blocks of one walker.
-#[inline(never)]
-pub fn run_narrow<B: Block>(constants: &B::Constants, blocks: &mut [B]) {
-    for block in blocks {
-        block.run(constants);
-    }
-}
-
-/// Runs wide blocks, compiled for the same vector units as the steps of a batch.
+/// Runs blocks, compiled for the same vector units as the steps of a batch.
 ///
 /// Constants and blocks are arguments of their own because only then does the compiler know them apart: else no lane loop that
 /// reads the ones and writes the others becomes vector code.
 #[multiversion::multiversion(targets(
-    "x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx512cd+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
+    "x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx512cd+fma+bmi1+bmi2",
+    "x86_64+avx2+fma+bmi1+bmi2"
 ))]
-pub fn run_wide<B: Block>(constants: &B::Constants, blocks: &mut [B]) {
+pub fn run<B: Block>(constants: &B::Constants, blocks: &mut [B]) {
     for block in blocks {
         block.run(constants);
     }
@@ -61,11 +53,11 @@ pub fn compare<N: Block, W: Block>(
     let mut group = criterion.benchmark_group(name);
     group.throughput(Throughput::Elements(narrow.len() as u64));
     group.bench_function(BenchmarkId::from_parameter(1), |bencher| {
-        bencher.iter(|| run_narrow(black_box(&narrow_constants), black_box(&mut narrow)));
+        bencher.iter(|| run(black_box(&narrow_constants), black_box(&mut narrow)));
     });
     group.throughput(Throughput::Elements((wide.len() * LANES) as u64));
     group.bench_function(BenchmarkId::from_parameter(LANES), |bencher| {
-        bencher.iter(|| run_wide(black_box(&wide_constants), black_box(&mut wide)));
+        bencher.iter(|| run(black_box(&wide_constants), black_box(&mut wide)));
     });
 }
 

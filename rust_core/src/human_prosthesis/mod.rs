@@ -309,16 +309,15 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
         fired
     }
 
-    /// The human's; impacts on the extension stop, whose damper makes the torque jump; and the ground letting go of heel or
-    /// ball, beyond which an implicit step would hold on to them. Steps of a millisecond feel these, those of the reference do
-    /// not. A rotor may stop or break away at a step's end.
+    /// Steps of the human; impacts on the extension stop, whose damper makes the torque jump; and the ground letting go of heel or
+    /// ball, beyond which an implicit step would hold on to them. A rotor may stop or break away at a step's end.
     #[inline(always)]
-    fn urgent(&self, state: &State<L>, fired: &[bool; L]) -> [bool; L] {
-        let mut urgent = [false; L];
+    fn splits(&self, state: &State<L>) -> [bool; L] {
+        let mut splits = [false; L];
         for lane in 0..L {
-            urgent[lane] = fired[lane] | self.touch(lane).jumps(&self.signals.touch.get(lane));
+            splits[lane] = self.steps(state, lane) | self.touch(lane).jumps(&self.signals.touch.get(lane));
         }
-        urgent
+        splits
     }
 
     #[inline(always)]

@@ -76,6 +76,12 @@ impl PyBatch {
         self.batch.bytes_per_walker()
     }
 
+    /// Steps of the integration per control period.
+    #[getter]
+    fn solver_steps(&self) -> usize {
+        self.batch.solver_steps()
+    }
+
     #[getter]
     fn num_envs(&self) -> usize {
         self.batch.num_envs()
