@@ -54,7 +54,7 @@ impl SolverParams {
     pub fn steps_with(&self, device: DeviceKind) -> usize {
         match (self.steps, self.stepper) {
             (0, Stepper::Rk4) => Self::REFERENCE.steps,
-            (0, _) if device.has_motor() => 8,
+            (0, _) if device.has_motor() => 9,
             (0, _) => 5,
             (steps, _) => steps,
         }
@@ -81,7 +81,7 @@ impl SolverParams {
                 "steps",
                 defaults.steps.to_string(),
                 "[0, 10000], rk4 0 or [20, 10000]",
-                "Steps per 5 ms control period; 0 for as many as the accuracy needs: 5, with a motor 8, with rk4 50.",
+                "Steps per 5 ms control period; 0 for as many as the accuracy needs: 5, with a motor 9, with rk4 50.",
             ),
         ]
     }

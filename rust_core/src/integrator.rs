@@ -93,12 +93,12 @@ impl Stepper {
 
     /// Bisections that locate an event in a step; without any, events wait for the step's end.
     ///
-    /// 30 narrow a step of 0.1 ms down to 1e-13 s; for the fast stepper 1/32 of a step is less than its own error.
+    /// 30 narrow a step of 0.1 ms down to 1e-13 s; for the fast stepper 1/16 of a step is less than its own error.
     pub const fn bisections(self) -> usize {
         match self {
             Self::Rk4 => 30,
             Self::LinearlyImplicitEuler => 0,
-            Self::TwoStageW => 5,
+            Self::TwoStageW => 4,
         }
     }
 

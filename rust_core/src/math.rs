@@ -1,7 +1,7 @@
 //! What the lane loops need and std cannot vectorise: selects and branch-free elementary functions.
 //!
-//! Everything here uses only `+ - * /`, `sqrt` and bit operations. None of these is fused or reordered by the compiler, so
-//! a result does not depend on the width of the vector unit.
+//! Everything here uses only `+ - * /`, fused multiplication and addition, `sqrt` and bit operations. Each is rounded as IEEE 754
+//! says, and none is fused or reordered by the compiler, so a result does not depend on the width of the vector unit.
 
 /// `a` where `condition` holds, else `b`, both evaluated.
 #[inline(always)]
@@ -84,31 +84,30 @@ pub fn floor(x: f64) -> f64 {
 pub fn sin_cos(x: f64) -> (f64, f64) {
     const HALF_PI_HIGH: f64 = f64::from_bits(0x3FF9_21FB_5440_0000); // 33 bits, so n * HIGH is exact
     const HALF_PI_LOW: f64 = 6.077_100_506_506_192e-11;
-    let shifted = x.mul_add(std::f64::consts::FRAC_2_PI, ROUND);
+    let shifted = ROUND.plus(x, std::f64::consts::FRAC_2_PI);
     let quadrant = shifted.to_bits();
     let n = shifted - ROUND;
-    let r = (-n).mul_add(HALF_PI_LOW, (-n).mul_add(HALF_PI_HIGH, x));
+    let r = x.less(n, HALF_PI_HIGH).less(n, HALF_PI_LOW);
 
     // Estrin's scheme: pairs of terms wait for each other less than Horner's chain does.
     let z = r * r;
-    let z2 = z * z;
-    let pair = |low: f64, high: f64| z.mul_add(high, low);
-    let sine_tail = z2.mul_add(
-        z2.mul_add(
-            pair(-2.505_076_025_340_686_3e-8, 1.589_690_995_211_55e-10),
-            pair(-1.984_126_982_985_795e-4, 2.755_731_370_707_006_8e-6),
+    let (z2, pair) = (z * z, |low: f64, high: f64| low.plus(z, high));
+    let sine = r.plus(
+        r * z,
+        pair(-1.666_666_666_666_663_2e-1, 8.333_333_333_322_49e-3).plus(
+            z2,
+            pair(-1.984_126_982_985_795e-4, 2.755_731_370_707_006_8e-6)
+                .plus(z2, pair(-2.505_076_025_340_686_3e-8, 1.589_690_995_211_55e-10)),
         ),
-        pair(-1.666_666_666_666_663_2e-1, 8.333_333_333_322_49e-3),
     );
-    let sine = (r * z).mul_add(sine_tail, r);
-    let cosine_tail = z2.mul_add(
-        z2.mul_add(
-            pair(2.087_572_321_298_175e-9, -1.135_964_755_778_819_5e-11),
-            pair(2.480_158_728_947_673e-5, -2.755_731_435_139_066_3e-7),
+    let cosine = 1.0_f64.less(0.5, z).plus(
+        z2,
+        pair(4.166_666_666_666_66e-2, -1.388_888_888_887_411e-3).plus(
+            z2,
+            pair(2.480_158_728_947_673e-5, -2.755_731_435_139_066_3e-7)
+                .plus(z2, pair(2.087_572_321_298_175e-9, -1.135_964_755_778_819_5e-11)),
         ),
-        pair(4.166_666_666_666_66e-2, -1.388_888_888_887_411e-3),
     );
-    let cosine = z2.mul_add(cosine_tail, z.mul_add(-0.5, 1.0));
 
     let swap = quadrant & 1 != 0;
     let sine_sign = (quadrant & 2) << 62;
@@ -119,26 +118,35 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     )
 }
 
+/// cos x for |x| <= pi/2, to 3e-16: its Taylor series by Estrin's scheme.
+#[inline(always)]
+pub fn cos_up_to_quarter_turn(x: f64) -> f64 {
+    let z = x * x;
+    let (z2, pair) = (z * z, |low: f64, high: f64| low.plus(z, high));
+    let z4 = z2 * z2;
+    let first = pair(1.0, -0.5).plus(z2, pair(1.0 / 24.0, -1.0 / 720.0));
+    let middle = pair(1.0 / 40_320.0, -1.0 / 3_628_800.0).plus(z2, pair(1.0 / 479_001_600.0, -1.0 / 87_178_291_200.0));
+    let last =
+        pair(1.0 / 20_922_789_888_000.0, -1.0 / 6_402_373_705_728_000.0).plus(z2, 1.0 / 2_432_902_008_176_640_000.0);
+    first.plus(z4, middle.plus(z4, last))
+}
+
 /// e^x for x in [-700, 700], to 1 ulp or so.
 #[inline(always)]
 pub fn exp(x: f64) -> f64 {
     const LN2_HIGH: f64 = 6.931_471_803_691_238e-1;
     const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
-    let shifted = x.mul_add(std::f64::consts::LOG2_E, ROUND);
+    let shifted = ROUND.plus(x, std::f64::consts::LOG2_E);
     let n = shifted - ROUND;
-    let r = (-n).mul_add(LN2_LOW, (-n).mul_add(LN2_HIGH, x));
+    let r = x.less(n, LN2_HIGH).less(n, LN2_LOW);
     // Taylor series by Estrin's scheme; |r| < 0.35, so the first term left out is below 2e-16.
-    let (r2, pair) = (r * r, |low: f64, high: f64| r.mul_add(high, low));
+    let (r2, pair) = (r * r, |low: f64, high: f64| low.plus(r, high));
     let r4 = r2 * r2;
-    let first = r4.mul_add(
-        r2.mul_add(pair(1.0 / 720.0, 1.0 / 5_040.0), pair(1.0 / 24.0, 1.0 / 120.0)),
-        r2.mul_add(pair(0.5, 1.0 / 6.0), pair(1.0, 1.0)),
-    );
-    let last = r4.mul_add(
-        pair(1.0 / 479_001_600.0, 1.0 / 6_227_020_800.0),
-        r2.mul_add(pair(1.0 / 3_628_800.0, 1.0 / 39_916_800.0), pair(1.0 / 40_320.0, 1.0 / 362_880.0)),
-    );
-    let sum = (r4 * r4).mul_add(last, first);
+    let first = pair(1.0, 1.0).plus(r2, pair(0.5, 1.0 / 6.0));
+    let second = pair(1.0 / 24.0, 1.0 / 120.0).plus(r2, pair(1.0 / 720.0, 1.0 / 5_040.0));
+    let third = pair(1.0 / 40_320.0, 1.0 / 362_880.0).plus(r2, pair(1.0 / 3_628_800.0, 1.0 / 39_916_800.0));
+    let last = pair(1.0 / 479_001_600.0, 1.0 / 6_227_020_800.0);
+    let sum = first.plus(r4, second).plus(r4 * r4, third.plus(r4, last));
     let power_of_two = f64::from_bits(shifted.to_bits().wrapping_add(1023) << 52);
     sum * power_of_two
 }
@@ -156,7 +164,7 @@ pub fn ln(x: f64) -> f64 {
     let z = s * s;
     let mut sum = 0.0;
     for odd in [21.0, 19.0, 17.0, 15.0, 13.0, 11.0, 9.0, 7.0, 5.0, 3.0, 1.0] {
-        sum = sum * z + 1.0 / odd;
+        sum = (1.0 / odd).plus(sum, z);
     }
     exponent * std::f64::consts::LN_2 + 2.0 * s * sum
 }
@@ -175,23 +183,15 @@ pub fn tanh(x: f64) -> f64 {
 pub fn angle_of_half_tangent(t: f64) -> f64 {
     let t = clamp(t, -0.6, 0.6);
     let z = t * t;
-    let (z2, pair) = (z * z, |low: f64, high: f64| z.mul_add(high, low));
+    let (z2, pair) = (z * z, |low: f64, high: f64| low.plus(z, high));
     let z4 = z2 * z2;
-    let first = z4.mul_add(
-        z2.mul_add(
-            pair(0.076_919_643_827_201_86, -0.066_632_059_180_462_08),
-            pair(0.111_111_100_799_224_07, -0.090_908_857_852_459_22),
-        ),
-        z2.mul_add(pair(0.199_999_999_996_168_6, -0.142_857_142_582_528_5), pair(1.0, -0.333_333_333_333_312_2)),
-    );
-    let last = z4.mul_add(
-        pair(0.016_613_375_505_873_307, -0.004_598_336_356_933_231),
-        z2.mul_add(
-            pair(0.043_009_210_993_509_98, -0.031_239_873_677_731_165),
-            pair(0.058_577_572_912_225_17, -0.051_378_362_858_457_43),
-        ),
-    );
-    2.0 * t * (z4 * z4).mul_add(last, first)
+    let first = pair(1.0, -0.333_333_333_333_312_2).plus(z2, pair(0.199_999_999_996_168_6, -0.142_857_142_582_528_5));
+    let second = pair(0.111_111_100_799_224_07, -0.090_908_857_852_459_22)
+        .plus(z2, pair(0.076_919_643_827_201_86, -0.066_632_059_180_462_08));
+    let third = pair(0.058_577_572_912_225_17, -0.051_378_362_858_457_43)
+        .plus(z2, pair(0.043_009_210_993_509_98, -0.031_239_873_677_731_165));
+    let last = pair(0.016_613_375_505_873_307, -0.004_598_336_356_933_231);
+    2.0 * t * first.plus(z4, second).plus(z4 * z4, third.plus(z4, last))
 }
 
 #[cfg(test)]
@@ -216,6 +216,13 @@ mod tests {
             let (s, c) = sin_cos(x);
             assert!((s - x.sin()).abs() < 4e-16, "sin {x}");
             assert!((c - x.cos()).abs() < 4e-16, "cos {x}");
+        }
+    }
+
+    #[test]
+    fn cos_up_to_quarter_turn_agrees_with_std() {
+        for x in sweep(-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2) {
+            assert!((cos_up_to_quarter_turn(x) - x.cos()).abs() < 4e-16, "{x}");
         }
     }
 

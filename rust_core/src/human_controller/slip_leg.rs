@@ -2,7 +2,7 @@
 
 use crate::human_controller::{Drive, Human};
 use crate::lanes::lanes;
-use crate::math::{FusedSum, angle_of_half_tangent, clamp, select, sin_cos};
+use crate::math::{FusedSum, angle_of_half_tangent, clamp, cos_up_to_quarter_turn, select};
 
 lanes! {
     /// Force of the human's intact leg on the trunk.
@@ -29,7 +29,7 @@ pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f6
     let pendulum = (drive.slip_stiffness * (human.leg_length - length)).less(drive.slip_damping, length_rate);
 
     let angle = angle_of_half_tangent(dx / (length + dy));
-    let (_, bump) = sin_cos(angle * human.lift_phase);
+    let bump = cos_up_to_quarter_turn(angle * human.lift_phase);
     let fade = clamp(2.0_f64.less(time - drive.touch_down, drive.fade_rate), 0.0, 1.0);
     let lift = select(angle.abs() < human.touch_down_angle, drive.lift.plus(drive.stop_lift, fade) * bump, 0.0);
     TrunkForce {
