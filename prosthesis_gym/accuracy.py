@@ -13,8 +13,8 @@ from prosthesis_gym.config import CONTROL_PERIOD_S, Config, merge, resolve
 from prosthesis_gym.gait import Stride, mean_powers, stride_table
 from prosthesis_gym.trial import Trial, run_trial
 
-#: The reference in quarters of its steps, for steady gait: it does not locate impacts on the extension stop, whose damper
-#: makes the torque jump, and misses 1 % of its peaks with steps of 0.1 ms.
+#: The reference in quarters of its steps, for steady gait: it does not locate impacts on the extension stop, whose
+#: damper makes the torque jump, and misses 1 % of its peaks with steps of 0.1 ms.
 CONVERGED: Config = {"solver": {"stepper": "rk4", "steps": 200}}
 #: The reference at twice its step: what it disagrees with itself about is chaos, not error.
 HALF_REFERENCE: Config = {"solver": {"stepper": "rk4", "steps": 25}}
@@ -67,7 +67,7 @@ class GaitError:
 
 
 def gait_errors(solver: Config, devices: Iterable[str], speeds_m_s: Iterable[float]) -> Iterator[GaitError]:
-    """Compare means over the strides from 20 to 120 s of a walk with those of `CONVERGED`, the state machine in command."""
+    """Compare means over the strides from 20 to 120 s of walks under the state machine with those of `CONVERGED`."""
     speeds = list(speeds_m_s)
     for device in devices:
         for speed in speeds:

@@ -50,7 +50,9 @@ def run(arguments: argparse.Namespace) -> None:
     solvers = [_solver(text) for text in arguments.solver or [FAST_SOLVER["solver"]["stepper"]]]
     console = Console()
     errors: list[tuple[str, GaitError]] = []
-    walks = [(solver, device, speed) for solver in solvers for device in arguments.devices for speed in arguments.speeds]
+    walks = [
+        (solver, device, speed) for solver in solvers for device in arguments.devices for speed in arguments.speeds
+    ]
     for solver, device, speed in track(walks, "walking", console=console, transient=True):
         errors += [(_name(solver), error) for error in gait_errors(solver, [device], [speed])]
     if arguments.out:
