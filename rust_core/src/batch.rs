@@ -1,8 +1,6 @@
-//! N environments as blocks of lanes, stepped on the caller's thread or over a pool of threads.
+//! N environments as blocks of lanes, stepped on the caller's thread and on those of its helpers.
 
 use std::sync::{Arc, Mutex, PoisonError};
-
-use rayon::prelude::*;
 
 use crate::config::Config;
 use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup, StepOutput};
@@ -22,7 +20,7 @@ use crate::statistics::Normaliser;
 pub const LANES: usize = 8;
 /// Below this many walkers a block holds one: a half-empty wide block is slower than scalar code.
 const SCALAR_BELOW: usize = 4;
-/// Below this many blocks a step runs on the caller's thread: waking a pool costs more than it saves.
+/// Below this many blocks a step runs on the caller's thread: waking helpers costs more than it saves.
 const PARALLEL_FROM: usize = 6;
 /// Blocks that a thread takes at least.
 const BLOCKS_PER_TASK: usize = 4;
@@ -136,20 +134,21 @@ pub struct Batch {
     /// Environments per block.
     width: usize,
     num_envs: usize,
+    /// The caller's and its helpers.
     threads: usize,
-    pool: Option<Pool>,
-    /// For steps on the caller's thread.
+    helpers: Option<Helpers>,
+    /// The caller's.
     scratches: Scratches,
     /// Statistics of the observations, where they are normalised.
     pub normaliser: Option<Normaliser>,
 }
 
-/// Threads, their scratches, and the process that they live in.
+/// Threads beside the caller's, their scratches, and the process that they live in.
 #[derive(Debug)]
-struct Pool {
+struct Helpers {
     process: u32,
     threads: rayon::ThreadPool,
-    scratches: Vec<Mutex<Scratches>>,
+    scratches: Vec<Scratches>,
 }
 
 impl Batch {
@@ -157,6 +156,7 @@ impl Batch {
     pub fn new(num_envs: usize, config: Config, autoreset: Autoreset, threads: usize) -> Result<Self> {
         within(1.0, 16_777_216.0).check("num_envs", num_envs as f64, "")?;
         within(0.0, 1024.0).check("threads", threads as f64, "")?;
+        let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let setup = Setup::new(config, autoreset)?;
         let width = if num_envs < SCALAR_BELOW { 1 } else { LANES };
         let blocks = num_envs.div_ceil(width);
@@ -167,7 +167,7 @@ impl Batch {
             width,
             num_envs,
             threads,
-            pool: None,
+            helpers: None,
             scratches: Scratches::default(),
             normaliser: None,
         })
@@ -267,17 +267,22 @@ impl Batch {
             run(&mut self.blocks, self.width, setup, actions, output, &mut self.scratches);
             return Ok(());
         }
-        let (pool, scratches) = pool(&mut self.pool, self.threads)?;
+        let helpers = helpers(&mut self.helpers, self.threads)?;
         let task = BLOCKS_PER_TASK.max(blocks / MOST_TASKS);
         let tasks = self.blocks.chunks_mut(task).zip(split(actions, output, self.width * task, setup));
-        let tasks: Vec<_> = tasks.collect();
-        pool.install(|| {
-            tasks.into_par_iter().for_each(|(blocks, (actions, output))| {
-                // Each thread has its own, so nobody ever waits; a poisoned one holds nothing that matters.
-                let mine = &scratches[rayon::current_thread_index().unwrap_or(0)];
-                let mut mine = mine.lock().unwrap_or_else(PoisonError::into_inner);
-                run(blocks, self.width, setup, actions, output, &mut mine);
-            });
+        // The caller starts at once; helpers take what is left when they have woken up.
+        let (tasks, width) = (Mutex::new(tasks), self.width);
+        let work = |scratches: &mut Scratches| {
+            let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some((blocks, (actions, output))) = next() {
+                run(blocks, width, setup, actions, output, scratches);
+            }
+        };
+        helpers.threads.in_place_scope(|scope| {
+            for scratches in &mut helpers.scratches {
+                scope.spawn(|_| work(scratches));
+            }
+            work(&mut self.scratches);
         });
         Ok(())
     }
@@ -398,19 +403,19 @@ where
     (0..blocks).map(|_| -> Box<dyn Block> { Box::new(block()) }).collect()
 }
 
-/// The pool of this process: a pool does not survive a fork, so a child builds its own.
-fn pool(slot: &mut Option<Pool>, threads: usize) -> Result<(&rayon::ThreadPool, &[Mutex<Scratches>])> {
+/// The helpers of this process: threads do not survive a fork, so a child starts its own.
+fn helpers(slot: &mut Option<Helpers>, threads: usize) -> Result<&mut Helpers> {
     let process = std::process::id();
-    if slot.as_ref().is_none_or(|pool| pool.process != process) {
+    if slot.as_ref().is_none_or(|helpers| helpers.process != process) {
         let threads = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
+            .num_threads(threads - 1)
             .build()
             .map_err(|error| Error::Invalid(format!("cannot start {threads} threads: {error}")))?;
-        let scratches = (0..threads.current_num_threads()).map(|_| Mutex::default()).collect();
-        // The parent's pool has no threads here; dropping it would wait for them.
-        std::mem::forget(slot.replace(Pool { process, threads, scratches }));
+        let scratches = (0..threads.current_num_threads()).map(|_| Scratches::default()).collect();
+        // The parent's have no threads here; dropping them would wait for them.
+        std::mem::forget(slot.replace(Helpers { process, threads, scratches }));
     }
-    slot.as_ref().map(|pool| (&pool.threads, &*pool.scratches)).ok_or_else(|| Error::Invalid("no thread pool".into()))
+    slot.as_mut().ok_or_else(|| Error::Invalid("no threads".into()))
 }
 
 /// Cuts actions and outputs into one part per block of `lanes` environments.
