@@ -11,7 +11,7 @@ from prosthesis_gym.extras import optional
 
 PHYSICS_STEP_S = 5e-4
 """Physics step of MuJoCo's rollout, unless another is asked for."""
-STEADY_ERROR = 0.0043
+STEADY_ERROR = 0.0007
 """Largest error of the default solver's steady kinematics, damper knee (`prosthesis-gym accuracy`)."""
 _FINEST_STEP_S = 1e-5
 _STEPS_S = (5e-3, 2.5e-3, 1.25e-3, 1e-3, 5e-4, 2.5e-4, 1e-4)

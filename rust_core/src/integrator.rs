@@ -30,7 +30,7 @@ pub trait HybridFlow<const L: usize> {
         self.fired(state)
     }
 
-    /// Carries out the event of every lane in `fired`.
+    /// Carries out the event of every lane in `fired`, and senses anew what that changes.
     fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]);
 
     /// Takes note of the sensed state that a step has ended with: unlike stages and trial steps it happens.
@@ -211,7 +211,6 @@ fn advance_step<const L: usize, F: HybridFlow<L>>(
         if !located.contains(&true) {
             return;
         }
-        flow.sense(state);
         for lane in 0..L {
             remaining[lane] -= after[lane];
         }

@@ -3,8 +3,9 @@
 use prosthesis_gym_core::compliant_ground::GroundParams;
 use prosthesis_gym_core::distribution::Distribution;
 use prosthesis_gym_core::disturbance::{Push, TrunkPush};
+use prosthesis_gym_core::prosthesis_device::DeviceKind;
 use prosthesis_gym_core::scenario::ScenarioParams;
-use prosthesis_gym_core::simulation::Simulation;
+use prosthesis_gym_core::simulation::{Model, Scratch, Simulation};
 use rand_pcg::Pcg64;
 
 use super::*;
@@ -95,4 +96,26 @@ fn a_lane_on_uneven_ground_is_the_scalar_simulation_bit_for_bit() {
         ..GroundParams::default()
     };
     assert_lanes_equal_scalar_runs(&Config { ground, ..Config::default() }, 6.0);
+}
+
+/// `Trial` runs on the best vector unit; the same called from here is compiled for the plainest processor.
+#[test]
+fn a_walker_has_the_same_bits_without_a_vector_unit() {
+    for kind in [DeviceKind::Damper, DeviceKind::Motor] {
+        let mut config = Config::default();
+        config.device.kind = kind;
+        let [.., episode] = episodes();
+        let mut trial = Trial::new(&config, [episode.clone()]);
+        let model = Model::new(&config);
+        let (mut plain, mut scratch) = (Simulation::<1>::new(&model), Scratch::new(&model));
+        plain.start(&model, 0, episode, &mut scratch);
+        plain.observe_started(&model, &[true], &mut scratch);
+        for period in 0..periods(3.0) {
+            trial.advance_controlled();
+            let commands = plain.state_machine_command;
+            plain.advance(&model, &commands, &mut scratch);
+            let state = |simulation: &Simulation<1>| format!("{:?}", (&simulation.state, &simulation.readings));
+            assert_eq!(state(&trial), state(&plain), "{kind:?}, period {period}");
+        }
+    }
 }
