@@ -52,6 +52,25 @@ def test_arrays_that_nobody_holds_are_filled_again() -> None:
     assert len(seen) <= 3
 
 
+def test_arrays_that_somebody_changed_are_not_handed_out_again() -> None:
+    """Shape, type and flags of an array can be changed in place before it is let go."""
+    walkers, untouched = batch(), batch()
+    for change in ("shape", "dtype", "flags"):
+        observations = walkers.step(np.zeros(WALKERS)).observations
+        untouched.step(np.zeros(WALKERS))
+        if change == "shape":
+            observations.shape = (observations.size,)
+        elif change == "dtype":
+            observations.dtype = np.dtype(np.int32)  # type: ignore[assignment]
+        else:
+            observations.flags.writeable = False
+        del observations
+        for _ in range(4):
+            mine, theirs = (one.step(np.zeros(WALKERS)).observations for one in (walkers, untouched))
+            assert mine.dtype == np.float32
+            np.testing.assert_array_equal(mine, theirs)
+
+
 @pytest.mark.parametrize(("device", "steps"), [("damper", 5), ("motor", 9), ("friction", 5)])
 def test_solver_takes_the_steps_that_the_knee_needs_unless_told_otherwise(device: str, steps: int) -> None:
     """The same bits with `solver.steps` left out and given."""

@@ -268,7 +268,7 @@ impl Batch {
             return Ok(());
         }
         let helpers = helpers(&mut self.helpers, self.threads)?;
-        let task = BLOCKS_PER_TASK.max(blocks / MOST_TASKS);
+        let task = BLOCKS_PER_TASK.max(blocks.div_ceil(MOST_TASKS));
         let tasks = self.blocks.chunks_mut(task).zip(split(actions, output, self.width * task, setup));
         // The caller starts at once; helpers take what is left when they have woken up.
         let (tasks, width) = (Mutex::new(tasks), self.width);
@@ -279,7 +279,7 @@ impl Batch {
             }
         };
         helpers.threads.in_place_scope(|scope| {
-            for scratches in &mut helpers.scratches {
+            for scratches in helpers.scratches.iter_mut().take(blocks.div_ceil(task) - 1) {
                 scope.spawn(|_| work(scratches));
             }
             work(&mut self.scratches);

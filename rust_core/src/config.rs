@@ -223,7 +223,9 @@ impl Config {
 
     /// Steps of the integration per control period.
     pub fn steps(&self) -> usize {
-        self.solver.steps_with(self.device.kind)
+        let steps = self.solver.steps_with(self.device.kind);
+        let explicit = self.solver.steps == 0 && self.solver.stepper == Stepper::Rk4;
+        if explicit { steps.max(self.explicit_steps() as usize) } else { steps }
     }
 
     /// Steps per control period below which explicit steps diverge on the dampers of socket and tube.

@@ -101,6 +101,11 @@ impl<const L: usize> HybridFlow<L> for Metered<'_, '_, L> {
     }
 
     #[inline(always)]
+    fn splits(&self, state: &Self::State) -> [bool; L] {
+        self.plant.splits(&state.state)
+    }
+
+    #[inline(always)]
     fn transition(&mut self, state: &mut Self::State, fired: &[bool; L]) {
         self.plant.transition(&mut state.state, fired);
     }

@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::math::scramble;
 
 /// Version of the format: a change of any saved struct makes a new one.
-const VERSION: u16 = 1;
+const VERSION: u16 = 2;
 const MAGIC: [u8; 4] = *b"PGYM";
 
 #[derive(Debug, PartialEq, Serialize, Deserialize)]

@@ -1,6 +1,7 @@
 //! What a step hands to Python: arrays that are filled again once nobody there holds them any longer.
 
-use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
+use numpy::ndarray::Dimension;
+use numpy::{Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::batch::Batch;
@@ -27,9 +28,11 @@ macro_rules! arrays {
                 }
             }
 
-            fn is_free(&self, py: Python<'_>) -> bool {
-                $(references(py, &self.$field) == 1)&&+
-                    && self.final_observations.as_ref().is_none_or(|finals| references(py, finals) == 1)
+            /// Whether the arrays are nobody's, and as they were made.
+            fn is_free(&self, py: Python<'_>, batch: &Batch) -> bool {
+                let sizes = [batch.observation_size(), TERMS.len()];
+                $(is_free(py, &self.$field, batch.num_envs(), &sizes))&&+
+                    && self.final_observations.as_ref().is_none_or(|finals| is_free(py, finals, batch.num_envs(), &sizes))
             }
         }
     };
@@ -55,6 +58,20 @@ fn references<T>(_py: Python<'_>, object: &Py<T>) -> isize {
     unsafe { pyo3::ffi::Py_REFCNT(object.as_ptr()) }
 }
 
+/// Whether nobody else holds an array of `count` rows of one of `sizes`, and nobody who did has changed its shape, type or flags.
+fn is_free<T: Element, D: Dimension>(py: Python<'_>, array: &Py<PyArray<T, D>>, count: usize, sizes: &[usize]) -> bool {
+    if references(py, array) != 1 {
+        return false;
+    }
+    let array = array.bind(py);
+    let as_made = match array.shape() {
+        [rows] => *rows == count,
+        [rows, size] => *rows == count && sizes.contains(size),
+        _ => false,
+    };
+    as_made && array.dtype().is_equiv_to(&T::get_dtype(py)) && array.is_c_contiguous() && array.try_readwrite().is_ok()
+}
+
 /// Sets of arrays that are kept: a training loop holds those of the last step while it takes the next.
 const MOST_KEPT: usize = 3;
 
@@ -67,13 +84,14 @@ pub(super) struct Outputs {
 impl Outputs {
     /// Advances every environment of `batch`, and hands out what that gives.
     pub fn step(&mut self, py: Python<'_>, batch: &mut Batch, actions: &[f64]) -> PyResult<PyStep> {
-        let free = self.kept.iter().position(|step| step.is_free(py));
-        let arrays = free.map_or_else(|| PyStep::new(py, batch), |index| self.kept.swap_remove(index));
+        let free = self.kept.iter().position(|step| step.is_free(py, batch));
+        let arrays = free.map_or_else(|| PyStep::new(py, batch), |index| self.kept.remove(index));
         let eventful = arrays.fill(py, batch, actions)?;
         let step = arrays.share(py, eventful);
-        if self.kept.len() < MOST_KEPT {
-            self.kept.push(arrays);
+        if self.kept.len() == MOST_KEPT {
+            self.kept.remove(0); // held for long, by whoever logs steps
         }
+        self.kept.push(arrays);
         Ok(step)
     }
 }
