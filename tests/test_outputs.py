@@ -61,7 +61,7 @@ def test_arrays_that_somebody_changed_are_not_handed_out_again() -> None:
         if change == "shape":
             observations.shape = (observations.size,)
         elif change == "dtype":
-            observations.dtype = np.dtype(np.int32)  # type: ignore[assignment]
+            observations.dtype = np.dtype(np.int32)  # type: ignore[assignment, misc]
         else:
             observations.flags.writeable = False
         del observations
