@@ -3,18 +3,18 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::config::Config;
-use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup, StepOutput};
+use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup};
 use crate::error::{Error, Result};
 use crate::lanes::vectorised;
 use crate::params::within;
 use crate::prefetch::prefetch;
 use crate::randomisation::Randomiser;
 use crate::recorder::{Recorder, Row};
-use crate::reward::TERMS;
 use crate::scenario::Episode;
 use crate::simulation::{Model, Scratch};
 use crate::snapshot;
 use crate::statistics::Normaliser;
+use crate::step_output::{StepOutput, split};
 
 /// Walkers per wide block: one AVX-512 register of `f64`.
 pub const LANES: usize = 8;
@@ -416,51 +416,4 @@ fn helpers(slot: &mut Option<Helpers>, threads: usize) -> Result<&mut Helpers> {
         std::mem::forget(slot.replace(Helpers { process, threads, scratches }));
     }
     slot.as_mut().ok_or_else(|| Error::Invalid("no threads".into()))
-}
-
-/// Cuts actions and outputs into one part per block of `lanes` environments.
-fn split<'a>(
-    actions: &'a [f64],
-    output: StepOutput<'a>,
-    lanes: usize,
-    setup: &Setup,
-) -> impl ExactSizeIterator<Item = (&'a [f64], StepOutput<'a>)> {
-    let size = setup.observation_size() * lanes;
-    let final_size = if setup.autoreset == Autoreset::SameStep { size } else { 0 };
-    let mut finals = output.final_observations;
-    let mut next_final = move || {
-        let cut = final_size.min(finals.len());
-        let (head, tail) = std::mem::take(&mut finals).split_at_mut(cut);
-        finals = tail;
-        head
-    };
-    actions
-        .chunks(lanes * setup.action_size())
-        .zip(output.observations.chunks_mut(size))
-        .zip(output.rewards.chunks_mut(lanes))
-        .zip(output.terminated.chunks_mut(lanes))
-        .zip(output.truncated.chunks_mut(lanes))
-        .zip(output.terms.chunks_mut(lanes * TERMS.len()))
-        .zip(output.reasons.chunks_mut(lanes))
-        .zip(output.started.chunks_mut(lanes))
-        .zip(output.episode_returns.chunks_mut(lanes))
-        .zip(output.episode_steps.chunks_mut(lanes))
-        .zip(output.episode_terms.chunks_mut(lanes * TERMS.len()))
-        .map(move |(((((part, reasons), started), episode_returns), episode_steps), episode_terms)| {
-            let (((((actions, observations), rewards), terminated), truncated), terms) = part;
-            let part = StepOutput {
-                observations,
-                rewards,
-                terminated,
-                truncated,
-                terms,
-                reasons,
-                final_observations: next_final(),
-                started,
-                episode_returns,
-                episode_steps,
-                episode_terms,
-            };
-            (actions, part)
-        })
 }

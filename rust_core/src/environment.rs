@@ -20,6 +20,7 @@ use crate::recorder::{self, Recorder, Row};
 use crate::reward::{TERMS, Terms, TermsLanes};
 use crate::scenario::Episode;
 use crate::simulation::{Model, Sampled, SavedWalker, Scratch, Simulation};
+use crate::step_output::StepOutput;
 use crate::termination::Reason;
 
 /// What happens to an environment after its episode has ended (Gymnasium's `AutoresetMode`).
@@ -54,66 +55,6 @@ pub struct SavedEnvironment {
     actuation: (Actuation, VecDeque<f64>),
     observation: Vec<f32>,
     walker: SavedWalker,
-}
-
-/// What one step of a slice of environments writes.
-#[derive(Debug)]
-pub struct StepOutput<'a> {
-    /// (N, observation size).
-    pub observations: &'a mut [f32],
-    /// (N,).
-    pub rewards: &'a mut [f64],
-    /// (N,): ended early.
-    pub terminated: &'a mut [bool],
-    /// (N,): time over.
-    pub truncated: &'a mut [bool],
-    /// (N, number of terms).
-    pub terms: &'a mut [f64],
-    /// (N,): [`Reason`] as number.
-    pub reasons: &'a mut [u8],
-    /// (N, observation size): last observation of an episode that ended in this step; only with [`Autoreset::SameStep`].
-    pub final_observations: &'a mut [f32],
-    /// (N,): reset in this step.
-    pub started: &'a mut [bool],
-    /// (N,): sum of rewards of the episode that this step belongs to, so far.
-    pub episode_returns: &'a mut [f64],
-    /// (N,): its steps so far.
-    pub episode_steps: &'a mut [u32],
-    /// (N, number of terms): sums of its terms; written where the episode has ended.
-    pub episode_terms: &'a mut [f64],
-}
-
-impl StepOutput<'_> {
-    /// Has what a step writes fetched into the caches.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(self.observations);
-        prefetch(self.rewards);
-        prefetch(self.terminated);
-        prefetch(self.truncated);
-        prefetch(self.terms);
-        prefetch(self.reasons);
-        prefetch(self.started);
-        prefetch(self.episode_returns);
-        prefetch(self.episode_steps);
-    }
-
-    /// The same for a shorter time.
-    pub fn reborrow(&mut self) -> StepOutput<'_> {
-        StepOutput {
-            observations: self.observations,
-            rewards: self.rewards,
-            terminated: self.terminated,
-            truncated: self.truncated,
-            terms: self.terms,
-            reasons: self.reasons,
-            final_observations: self.final_observations,
-            started: self.started,
-            episode_returns: self.episode_returns,
-            episode_steps: self.episode_steps,
-            episode_terms: self.episode_terms,
-        }
-    }
 }
 
 /// What all environments of a batch share.

@@ -36,6 +36,7 @@ pub mod scenario;
 pub mod sensors;
 pub mod simulation;
 pub mod terrain;
+pub mod trial;
 
 pub mod batch;
 pub mod config;
@@ -47,4 +48,5 @@ pub mod recorder;
 pub mod reward;
 pub mod snapshot;
 pub mod statistics;
+pub mod step_output;
 pub mod termination;

@@ -7,8 +7,8 @@ use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
 use prosthesis_gym_core::human_prosthesis::{POWERS, Start};
 use prosthesis_gym_core::scenario::Episode;
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
-use prosthesis_gym_core::simulation::Trial;
 use prosthesis_gym_core::terrain::{self, Terrain};
+use prosthesis_gym_core::trial::Trial;
 
 fn periods(seconds: f64) -> usize {
     (seconds / CONTROL_PERIOD_S).round() as usize

@@ -7,9 +7,10 @@ use serde_json::json;
 
 use prosthesis_gym_core::batch::Batch;
 use prosthesis_gym_core::config::Config;
-use prosthesis_gym_core::environment::{Autoreset, StepOutput};
+use prosthesis_gym_core::environment::Autoreset;
 use prosthesis_gym_core::prosthesis_device::DeviceKind;
 use prosthesis_gym_core::reward::TERMS;
+use prosthesis_gym_core::step_output::StepOutput;
 
 use crate::walk::{LANES, config};
 

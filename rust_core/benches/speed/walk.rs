@@ -12,7 +12,7 @@ use prosthesis_gym_core::prosthesis_device::geared_motor::Rotor;
 use prosthesis_gym_core::prosthesis_device::{DeviceKind, JointMotion};
 use prosthesis_gym_core::scenario::Episode;
 use prosthesis_gym_core::signals::Measurand;
-use prosthesis_gym_core::simulation::Trial;
+use prosthesis_gym_core::trial::Trial;
 
 /// Lanes of a wide block.
 pub const LANES: usize = prosthesis_gym_core::batch::LANES;

@@ -5,8 +5,9 @@ use numpy::{Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMe
 use pyo3::prelude::*;
 
 use crate::batch::Batch;
-use crate::environment::{Autoreset, StepOutput};
+use crate::environment::Autoreset;
 use crate::reward::TERMS;
+use crate::step_output::StepOutput;
 
 /// Declares the arrays of a step. A set that somebody looks at counts more references than its own.
 macro_rules! arrays {

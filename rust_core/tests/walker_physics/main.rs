@@ -14,7 +14,7 @@ use prosthesis_gym_core::prosthesis_device::socket::SocketParams;
 use prosthesis_gym_core::prosthesis_device::spring_damper::Connection;
 use prosthesis_gym_core::scenario::Episode;
 use prosthesis_gym_core::signals::CONTROL_PERIOD_S;
-use prosthesis_gym_core::simulation::Trial;
+use prosthesis_gym_core::trial::Trial;
 
 fn knot(time_s: f64, speed_m_s: f64, walk: bool) -> Knot {
     Knot { time_s, speed_m_s, walk }
