@@ -84,6 +84,10 @@ class Step:
         """(N,), index into `REASONS`."""
 
     @property
+    def termination_reasons(self) -> NDArray[np.object_]:
+        """(N,), the same as str; None where no episode has ended."""
+
+    @property
     def started(self) -> NDArray[np.bool_]:
         """(N,): reset in this step."""
 

@@ -1,13 +1,11 @@
 """Other simulators on the same machine, for comparison: env steps of 5 ms per second on two legs or one and a trunk."""
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from prosthesis_gym.config import CONTROL_PERIOD_S, resolve
 from prosthesis_gym.extras import optional
+from prosthesis_gym.rates import median_rates
 
 PHYSICS_STEP_S = 5e-4
 """Physics step of MuJoCo's rollout, unless another is asked for."""
@@ -111,7 +109,7 @@ def mujoco_rollout(seconds: float, threads: int, step_s: float = PHYSICS_STEP_S)
             pool.rollout(model, datas, states, control)
             return walkers * env_steps
 
-        return _rate(step, seconds)
+        return median_rates([step], seconds)[0]
 
 
 def gymnasium_walker2d(seconds: float) -> float:
@@ -131,7 +129,7 @@ def gymnasium_walker2d(seconds: float) -> float:
                 env.reset()
         return len(actions)
 
-    return _rate(step, seconds)
+    return median_rates([step], seconds)[0]
 
 
 def envpool_walker2d(seconds: float, threads: int) -> float:
@@ -145,13 +143,4 @@ def envpool_walker2d(seconds: float, threads: int) -> float:
         env.step(actions)
         return len(actions)
 
-    return _rate(step, seconds)
-
-
-def _rate(step: Callable[[], int], seconds: float) -> float:
-    for _ in range(2):
-        step()
-    steps, began = 0, time.perf_counter()
-    while (elapsed := time.perf_counter() - began) < seconds:
-        steps += step()
-    return steps / elapsed
+    return median_rates([step], seconds)[0]

@@ -70,6 +70,7 @@ class Step:
     truncated: NDArray[np.bool_]
     terms: NDArray[np.float64]
     reasons: NDArray[np.uint8]
+    termination_reasons: NDArray[np.object_]
     started: NDArray[np.bool_]
     eventful: bool
     final_observations: NDArray[np.float32] | None
@@ -150,6 +151,7 @@ class RewardTerms:
             truncated=step.truncated,
             terms=np.hstack([step.terms, values]),
             reasons=step.reasons,
+            termination_reasons=step.termination_reasons,
             started=started,
             eventful=step.eventful,
             final_observations=None if finals is None else self.visible(finals),

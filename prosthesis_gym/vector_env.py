@@ -14,10 +14,8 @@ from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
 from prosthesis_gym.rendering.canvas import Frame
 from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
-from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.reward_terms import RewardTerm, Step
 from prosthesis_gym.walkers import Observations, Walkers, environment_config, observation_groups, spaces
-
-_REASONS = np.array(_core.REASONS, dtype=object)
 
 _AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] = {
     AutoresetMode.NEXT_STEP: "next_step",
@@ -249,17 +247,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         step = self.walkers.step(flat)
         if self.rendering is not None:
             self.rendering.step()
-        names, terms = self.walkers.terms.names, step.terms
-        if not step.eventful:
-            present = ~step.started  # of its own in every step: callers may change what they are given
-            named = dict(zip(names, terms.T, strict=True)) | dict.fromkeys(self._term_masks, present)
-            infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
-        else:
-            reasons, finals, started = step.reasons, step.final_observations, step.started
-            if finals is not None:
-                infos = _same_step_infos(names, terms, reasons, finals, started)
-            else:
-                infos = _infos(names, terms, reasons, ~started)
+        infos = self._infos(step) if step.final_observations is None else self._same_step_infos(step)
         return step.observations, step.rewards, step.terminated, step.truncated, infos
 
     def render(self) -> tuple[Frame, ...] | None:
@@ -277,42 +265,39 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             return None
         return self.rendering.frames()
 
+    def _infos(self, step: _core.Step | Step) -> dict[str, Any]:
+        """Lay out the infos of a step that resets environments only where it does nothing else with them."""
+        infos = self._reward_terms(step.terms, ~step.started)
+        if step.eventful:
+            ended = step.terminated | step.truncated
+            if ended.any():
+                infos |= {"termination_reason": step.termination_reasons, "_termination_reason": ended}
+        return infos
+
+    def _same_step_infos(self, step: _core.Step | Step) -> dict[str, Any]:
+        """Lay out the infos of a step whose ended environments have been reset in it: what ended is the final one."""
+        ended, finals = step.started, step.final_observations
+        if not step.eventful or finals is None:
+            return self._reward_terms(step.terms, ~ended)
+        where = ended[:, None]
+        why = {"termination_reason": step.termination_reasons, "_termination_reason": ended}
+        return self._reward_terms(np.where(where, 0.0, step.terms), ~ended) | {
+            "final_obs": _rows(finals, ended),
+            "_final_obs": ended,
+            "final_info": self._reward_terms(np.where(where, step.terms, 0.0), ended) | why,
+            "_final_info": ended,
+        }
+
+    def _reward_terms(self, terms: NDArray[np.float64], present: NDArray[np.bool_]) -> dict[str, Any]:
+        """Lay out the reward's terms (N, number of terms) of the environments in the mask; 0 elsewhere."""
+        # Not strict: running into an array's end takes longer than all the rest.
+        named = dict(zip(self.walkers.terms.names, terms.T, strict=False)) | dict.fromkeys(self._term_masks, present)
+        return {"reward_terms": named, "_reward_terms": present}
+
     def close_extras(self, **_: object) -> None:
         """Close the window, if there is one."""
         if self.rendering is not None:
             self.rendering.close()
-
-
-def _infos(
-    names: Sequence[str], terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]
-) -> dict[str, Any]:
-    """Lay out the infos of the environments in the mask `present`; terms (N, number of terms) are 0 elsewhere."""
-    named = dict(zip(names, terms.T, strict=True)) | dict.fromkeys((f"_{name}" for name in names), present)
-    infos: dict[str, Any] = {"reward_terms": named, "_reward_terms": present}
-    if reasons.any():
-        ended = reasons != 0
-        why = np.full(reasons.size, None, dtype=object)
-        why[ended] = _REASONS[reasons[ended]]
-        infos |= {"termination_reason": why, "_termination_reason": ended}
-    return infos
-
-
-def _same_step_infos(
-    names: Sequence[str],
-    terms: NDArray[np.float64],
-    reasons: NDArray[np.uint8],
-    finals: Observations,
-    ended: NDArray[np.bool_],
-) -> dict[str, Any]:
-    """Lay out the infos of a step in which episodes ended: theirs is the final one, all others' the one of the step."""
-    where = ended[:, None]
-    infos = _infos(names, np.where(where, 0.0, terms), np.where(ended, 0, reasons), ~ended)
-    return infos | {
-        "final_obs": _rows(finals, ended),
-        "_final_obs": ended,
-        "final_info": _infos(names, np.where(where, terms, 0.0), reasons, ended),
-        "_final_info": ended,
-    }
 
 
 def _rows(observations: Observations, mask: NDArray[np.bool_]) -> NDArray[Any]:

@@ -46,6 +46,28 @@ def test_infos_of_a_step_never_change() -> None:
     np.testing.assert_array_equal(held, copies)
 
 
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
+def test_reasons_of_a_step_are_those_of_its_ends_whatever_became_of_earlier_ones(autoreset: str) -> None:
+    envs = ProsthesisVectorEnv(WALKERS, max_episode_steps=20, autoreset_mode=autoreset)
+    envs.reset(seed=0)
+    held = []
+    for step in range(200):
+        infos = envs.step(np.full((WALKERS, 1), 0.5, dtype=np.float32))[4]
+        final = infos.get("final_info", infos)
+        if "termination_reason" not in final:
+            continue
+        reasons, ended = final["termination_reason"], final["_termination_reason"]
+        assert ended.any()
+        np.testing.assert_array_equal(reasons, [("time_limit" if end else None) for end in ended])
+        if step < 120:
+            held.append((reasons, reasons.copy()))
+        else:
+            reasons[:] = "scribbled over, and let go"
+    assert held
+    for reasons, copy in held:
+        np.testing.assert_array_equal(reasons, copy)
+
+
 def test_arrays_that_nobody_holds_are_filled_again() -> None:
     walkers = batch()
     seen = {address(walkers.step(np.zeros(WALKERS)).observations) for _ in range(50)}

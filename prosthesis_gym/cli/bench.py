@@ -6,8 +6,7 @@ import itertools
 import json
 import os
 import platform
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
@@ -15,12 +14,13 @@ from pathlib import Path
 import numpy as np
 from rich import box
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from prosthesis_gym import _core, peers
 from prosthesis_gym.cli.parsers import Commands, new_parser
 from prosthesis_gym.config import CONTROL_PERIOD_S, resolve
+from prosthesis_gym.progress import progress_bar
+from prosthesis_gym.rates import TURNS, median_rates
 from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 _EXAMPLES = """\
@@ -30,7 +30,7 @@ examples:
   prosthesis-gym bench --peers
   prosthesis-gym bench --json > bench.json
 """
-#: Action arrays that are drawn before the clock runs and then used in turn.
+#: Action arrays that are drawn before the clock runs, then used in turn.
 _DRAWS = 16
 _MODES = {"agent": "direct", "state machine": "state_machine"}
 #: Walkers that share blocks.
@@ -41,13 +41,24 @@ GUARD_RATIO = 5.0
 
 
 @dataclass(frozen=True)
-class Result:
-    """Throughput of one setting, through Python."""
+class Setting:
+    """What is measured."""
 
     device: str
     mode: str
-    walkers: int
     threads: int
+    walkers: int
+
+    def env(self) -> ProsthesisVectorEnv:
+        """Return the environment."""
+        config = {"device": {"kind": self.device}, "action": {"mode": _MODES[self.mode]}}
+        return ProsthesisVectorEnv(self.walkers, config=config, threads=self.threads)
+
+
+@dataclass(frozen=True)
+class Result(Setting):
+    """Throughput of one setting, through Python."""
+
     env_steps_per_s: float
     simulated_s_per_s: float
     us_per_call: float
@@ -86,9 +97,10 @@ def run(arguments: argparse.Namespace) -> None:
     console = Console()
     if not arguments.json:
         console.print("{cpu}, {cores} cores, {date}".format(**machine))
-    settings = list(itertools.product(arguments.devices, arguments.modes, threads, arguments.walkers))
-    shown = track(settings, "measuring", console=Console(stderr=True), transient=True)
-    results = [measure(*setting, seconds=arguments.seconds) for setting in shown]
+    settings = [
+        Setting(*values) for values in itertools.product(arguments.devices, arguments.modes, threads, arguments.walkers)
+    ]
+    results = measure(settings, arguments.seconds)
     memory = memory_per_walker_kib()
     peers = measure_peers(arguments.seconds, max(threads)) if arguments.peers else {}
     if arguments.json:
@@ -101,25 +113,40 @@ def run(arguments: argparse.Namespace) -> None:
         console.print(_peer_table(peers, max(result.env_steps_per_s for result in results)))
 
 
-def measure(device: str, mode: str, threads: int, walkers: int, *, seconds: float) -> Result:
-    """Step `walkers` walkers with random actions for about `seconds`."""
-    config = {"device": {"kind": device}, "action": {"mode": _MODES[mode]}}
-    env = ProsthesisVectorEnv(walkers, config=config, threads=threads)
+def measure(settings: Sequence[Setting], seconds: float) -> list[Result]:
+    """Step walkers of each setting with random actions for about `seconds`, all settings in turns."""
+    with contextlib.ExitStack() as stack:
+        envs = [stack.enter_context(contextlib.closing(setting.env())) for setting in settings]
+        turns = TURNS * len(settings)
+        show = stack.enter_context(progress_bar("measuring", turns, "turns"))
+        rates = median_rates([stepping(env) for env in envs], seconds, show)
+    return [_result(*each) for each in zip(settings, envs, rates, strict=True)]
+
+
+def stepping(env: ProsthesisVectorEnv) -> Callable[[], int]:
+    """Return a function that takes some steps with random actions, and returns how many env steps that were."""
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWS, env.num_envs, 1)).astype(np.float32)
     env.reset(seed=0)
-    random = np.random.default_rng(0)
-    actions = random.uniform(-1.0, 1.0, (_DRAWS, walkers, 1)).astype(np.float32)
-    for action in actions:  # wakes the thread pool and mixes the phases of the walkers
-        env.step(action)
-    calls, began = 0, time.perf_counter()
-    while (elapsed := time.perf_counter() - began) < seconds:
+
+    def step() -> int:
         for action in actions:
             env.step(action)
-        calls += _DRAWS
-    env.close()
-    rate = calls * walkers / elapsed
+        return _DRAWS * env.num_envs
+
+    return step
+
+
+def _result(setting: Setting, env: ProsthesisVectorEnv, rate: float) -> Result:
     stages = {"two_stage_w": 2, "rk4": 4}.get(env.config["solver"]["stepper"], 1)
-    per_evaluation = 1e9 * threads / (rate * (env.batch.solver_steps * stages + 1))
-    return Result(device, mode, walkers, threads, rate, rate * CONTROL_PERIOD_S, 1e6 * elapsed / calls, per_evaluation)
+    per_evaluation = 1e9 * setting.threads / (rate * (env.batch.solver_steps * stages + 1))
+    us_per_call = 1e6 * setting.walkers / rate
+    return Result(
+        **asdict(setting),
+        env_steps_per_s=rate,
+        simulated_s_per_s=rate * CONTROL_PERIOD_S,
+        us_per_call=us_per_call,
+        ns_per_evaluation=per_evaluation,
+    )
 
 
 def memory_per_walker_kib() -> float:
@@ -129,13 +156,9 @@ def memory_per_walker_kib() -> float:
 
 def guard() -> None:
     """Raise unless a walker in a block of lanes costs much less than one alone: the hot loops are vector code."""
-
-    def ns_per_step(walkers: int) -> float:
-        best = min(measure("damper", "agent", 1, walkers, seconds=0.3).env_steps_per_s ** -1 for _ in range(3))
-        return 1e9 * best
-
     # Three walkers are stepped one by one, 192 in blocks.
-    alone, block = ns_per_step(3), ns_per_step(192)
+    settings = [Setting("damper", "agent", 1, walkers) for walkers in (3, 192)]
+    alone, block = (1e9 / result.env_steps_per_s for result in measure(settings, 1.0))
     print(f"one walker by itself {alone:.0f} ns per env step, in a block {block:.0f} ns: {alone / block:.1f} times")
     if alone < GUARD_RATIO * block:
         raise SystemExit(f"less than {GUARD_RATIO}: the hot loops are no vector code any more")
@@ -165,14 +188,14 @@ def _table(results: list[Result]) -> Table:
         "actions",
         "walkers",
         "threads",
-        "env steps/s",
-        "simulated s/s",
-        "µs per call",
-        "ns per evaluation",
+        "env\nsteps/s",
+        "simulated\ns/s",
+        "µs per\ncall",
+        "ns per\nevaluation",
     )
-    table = Table(*headers, box=box.SIMPLE_HEAD)
+    table = Table(*headers, box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
     for column in table.columns[2:]:
-        column.justify = "right"
+        column.justify, column.no_wrap = "right", True
     for r in results:
         counts = (f"{r.walkers:,}", str(r.threads), f"{r.env_steps_per_s:,.0f}", f"{r.simulated_s_per_s:,.0f}")
         table.add_row(r.device, r.mode, *counts, f"{r.us_per_call:,.1f}", f"{r.ns_per_evaluation:.1f}")

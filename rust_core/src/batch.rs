@@ -1,131 +1,20 @@
-//! N environments as blocks of lanes, stepped on the caller's thread and on those of its helpers.
+//! N environments: a batch.
 
-use std::sync::{Arc, Mutex, PoisonError};
-
+use crate::block::{Block, LANES, blocks};
 use crate::config::Config;
-use crate::environment::{Autoreset, Environments, SavedEnvironment, Setup};
+use crate::crew::{Crew, Work};
+use crate::environment::{Autoreset, Setup};
 use crate::error::{Error, Result};
-use crate::lanes::vectorised;
 use crate::params::within;
-use crate::prefetch::prefetch;
 use crate::randomisation::Randomiser;
 use crate::recorder::{Recorder, Row};
 use crate::scenario::Episode;
-use crate::simulation::{Model, Scratch};
 use crate::snapshot;
 use crate::statistics::Normaliser;
-use crate::step_output::{StepOutput, split};
+use crate::step_output::StepOutput;
 
-/// Walkers per wide block: one AVX-512 register of `f64`.
-pub const LANES: usize = 8;
 /// Below this many walkers a block holds one: a half-empty wide block is slower than scalar code.
 const SCALAR_BELOW: usize = 4;
-/// Below this many blocks a step runs on the caller's thread: waking helpers costs more than it saves.
-const PARALLEL_FROM: usize = 6;
-/// Blocks that a thread takes at least.
-const BLOCKS_PER_TASK: usize = 4;
-/// Tasks that a step is cut into at most: enough for threads to end together, few enough to be handed out at no cost.
-const MOST_TASKS: usize = 128;
-
-/// A block of environments of some width; `lane` and the slices' lengths cover its used lanes.
-trait Block: Send + Sync + std::fmt::Debug {
-    fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches);
-    fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches);
-    fn observations(&self) -> &[f32];
-    fn ended(&self, lane: usize) -> bool;
-    fn episode(&self, lane: usize) -> Option<&Episode>;
-    fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment>;
-    fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches);
-    fn record(&mut self, lane: usize);
-    fn recording(&self) -> Option<&Recorder>;
-    fn snapshot(&self, lane: usize) -> Row;
-    fn ground_height(&self, lane: usize, x: f64) -> f64;
-    fn bytes(&self) -> usize;
-    fn prefetch(&self);
-}
-
-/// What a thread needs for a step, made when it is first needed. Boxed: Python aligns the batch to 16 bytes, columns need 64.
-#[derive(Debug, Default)]
-struct Scratches {
-    narrow: Option<Box<Scratch<1>>>,
-    wide: Option<Box<Scratch<LANES>>>,
-}
-
-/// Environments and the constants of their walkers, which all blocks share.
-#[derive(Debug)]
-struct Walking<const L: usize> {
-    model: Arc<Model<L>>,
-    environments: Environments<L>,
-}
-
-macro_rules! block {
-    ($width:expr, $scratch:ident) => {
-        impl Block for Walking<$width> {
-            fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches) {
-                let lanes = std::array::from_fn(|lane| mask.get(lane).is_some_and(|&selected| selected));
-                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
-                let seed = |lane: usize| seeds.map(|seeds| seeds[lane]);
-                self.environments.reset(setup, &mut self.model, &lanes, seed, scratch);
-            }
-            fn step(&mut self, setup: &Setup, actions: &[f64], output: &mut StepOutput<'_>, scratches: &mut Scratches) {
-                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
-                let starting = step(&mut self.environments, setup, &self.model, actions, output, scratch);
-                self.environments.finish(setup, &mut self.model, &starting, output, scratch);
-            }
-            fn observations(&self) -> &[f32] {
-                self.environments.observations()
-            }
-            fn ended(&self, lane: usize) -> bool {
-                self.environments.ended(lane)
-            }
-            fn episode(&self, lane: usize) -> Option<&Episode> {
-                self.environments.episode(lane)
-            }
-            fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment> {
-                self.environments.save(setup, lane)
-            }
-            fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches) {
-                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
-                self.environments.restore(setup, &mut self.model, lane, saved, scratch);
-            }
-            fn record(&mut self, lane: usize) {
-                self.environments.record(lane);
-            }
-            fn recording(&self) -> Option<&Recorder> {
-                self.environments.recording()
-            }
-            fn snapshot(&self, lane: usize) -> Row {
-                self.environments.snapshot(&self.model, lane)
-            }
-            fn ground_height(&self, lane: usize, x: f64) -> f64 {
-                self.model.plant.ground_height(lane, x)
-            }
-            fn prefetch(&self) {
-                self.environments.prefetch();
-            }
-            fn bytes(&self) -> usize {
-                size_of::<Self>() + size_of_val(self.environments.observations())
-            }
-        }
-    };
-}
-block!(1, narrow);
-block!(LANES, wide);
-
-vectorised! {
-    /// One step of a block.
-    fn step<const L: usize>(
-        block: &mut Environments<L>,
-        setup: &Setup,
-        model: &Model<L>,
-        actions: &[f64],
-        output: &mut StepOutput<'_>,
-        scratch: &mut Scratch<L>,
-    ) -> [bool; L] {
-        block.step(setup, model, actions, output, scratch)
-    }
-}
-
 /// N environments.
 #[derive(Debug)]
 pub struct Batch {
@@ -134,21 +23,9 @@ pub struct Batch {
     /// Environments per block.
     width: usize,
     num_envs: usize,
-    /// The caller's and its helpers.
-    threads: usize,
-    helpers: Option<Helpers>,
-    /// The caller's.
-    scratches: Scratches,
+    crew: Crew,
     /// Statistics of the observations, where they are normalised.
     pub normaliser: Option<Normaliser>,
-}
-
-/// Threads beside the caller's, their scratches, and the process that they live in.
-#[derive(Debug)]
-struct Helpers {
-    process: u32,
-    threads: rayon::ThreadPool,
-    scratches: Vec<Scratches>,
 }
 
 impl Batch {
@@ -159,18 +36,8 @@ impl Batch {
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let setup = Setup::new(config, autoreset)?;
         let width = if num_envs < SCALAR_BELOW { 1 } else { LANES };
-        let blocks = num_envs.div_ceil(width);
-        let blocks = if width == 1 { walkers::<1>(&setup, blocks) } else { walkers::<LANES>(&setup, blocks) };
-        Ok(Self {
-            setup,
-            blocks,
-            width,
-            num_envs,
-            threads,
-            helpers: None,
-            scratches: Scratches::default(),
-            normaliser: None,
-        })
+        let blocks = blocks(&setup, width, num_envs.div_ceil(width));
+        Ok(Self { setup, blocks, width, num_envs, crew: Crew::new(threads), normaliser: None })
     }
 
     /// Number of environments.
@@ -210,7 +77,7 @@ impl Batch {
             self.check_length("seeds", seeds.len())?;
         }
         for ((i, block), mask) in self.blocks.iter_mut().enumerate().zip(mask.chunks(self.width)) {
-            block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]), &mut self.scratches);
+            block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]), &mut self.crew.scratches);
         }
         Ok(())
     }
@@ -261,30 +128,8 @@ impl Batch {
         {
             return Err(Error::Invalid(format!("environment {index} has ended: reset it before its next step")));
         }
-        let setup = &self.setup;
-        let blocks = self.blocks.len();
-        if self.threads == 1 || blocks < PARALLEL_FROM {
-            run(&mut self.blocks, self.width, setup, actions, output, &mut self.scratches);
-            return Ok(());
-        }
-        let helpers = helpers(&mut self.helpers, self.threads)?;
-        let task = BLOCKS_PER_TASK.max(blocks.div_ceil(MOST_TASKS));
-        let tasks = self.blocks.chunks_mut(task).zip(split(actions, output, self.width * task, setup));
-        // The caller starts at once; helpers take what is left when they have woken up.
-        let (tasks, width) = (Mutex::new(tasks), self.width);
-        let work = |scratches: &mut Scratches| {
-            let next = || tasks.lock().unwrap_or_else(PoisonError::into_inner).next();
-            while let Some((blocks, (actions, output))) = next() {
-                run(blocks, width, setup, actions, output, scratches);
-            }
-        };
-        helpers.threads.in_place_scope(|scope| {
-            for scratches in helpers.scratches.iter_mut().take(blocks.div_ceil(task) - 1) {
-                scope.spawn(|_| work(scratches));
-            }
-            work(&mut self.scratches);
-        });
-        Ok(())
+        let work = Work { blocks: &mut self.blocks, width: self.width, actions, output };
+        self.crew.run(work, &self.setup)
     }
 
     /// Share of disturbances and randomisation, in [0, 1], that episodes have from their next start on.
@@ -324,7 +169,7 @@ impl Batch {
         indices.iter().try_for_each(|&index| self.check_index(index))?;
         for (&index, saved) in indices.iter().zip(saved.iter().cycle()) {
             let block = &mut self.blocks[index / self.width];
-            block.restore(&self.setup, index % self.width, saved, &mut self.scratches);
+            block.restore(&self.setup, index % self.width, saved, &mut self.crew.scratches);
         }
         Ok(())
     }
@@ -369,51 +214,4 @@ impl Batch {
         }
         Err(Error::Invalid(format!("{name} has {length} entries, must have one per environment: {}", self.num_envs)))
     }
-}
-
-/// Steps blocks one after another.
-fn run(
-    blocks: &mut [Box<dyn Block>],
-    width: usize,
-    setup: &Setup,
-    actions: &[f64],
-    output: StepOutput<'_>,
-    scratches: &mut Scratches,
-) {
-    let mut work = blocks.iter_mut().zip(split(actions, output, width, setup)).peekable();
-    while let Some((block, (actions, mut output))) = work.next() {
-        if let Some((next, (actions, output))) = work.peek() {
-            next.prefetch();
-            prefetch(*actions);
-            output.prefetch();
-        }
-        block.step(setup, actions, &mut output, scratches);
-    }
-}
-
-/// Blocks of equal walkers.
-fn walkers<const L: usize>(setup: &Setup, blocks: usize) -> Vec<Box<dyn Block>>
-where
-    Walking<L>: Block + 'static,
-{
-    let mut model = Arc::new(Model::new(&setup.config));
-    let mut scratch = Scratch::new(&model);
-    let environments = Environments::new(setup, &mut model, &mut scratch);
-    let block = || Walking { model: Arc::clone(&model), environments: environments.clone() };
-    (0..blocks).map(|_| -> Box<dyn Block> { Box::new(block()) }).collect()
-}
-
-/// The helpers of this process: threads do not survive a fork, so a child starts its own.
-fn helpers(slot: &mut Option<Helpers>, threads: usize) -> Result<&mut Helpers> {
-    let process = std::process::id();
-    if slot.as_ref().is_none_or(|helpers| helpers.process != process) {
-        let threads = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads - 1)
-            .build()
-            .map_err(|error| Error::Invalid(format!("cannot start {threads} threads: {error}")))?;
-        let scratches = (0..threads.current_num_threads()).map(|_| Scratches::default()).collect();
-        // The parent's have no threads here; dropping them would wait for them.
-        std::mem::forget(slot.replace(Helpers { process, threads, scratches }));
-    }
-    slot.as_mut().ok_or_else(|| Error::Invalid("no threads".into()))
 }

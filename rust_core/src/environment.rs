@@ -12,7 +12,6 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::judgement;
 use crate::math::{SPLITMIX_STEP, scramble};
-use crate::prefetch::prefetch;
 use crate::prosthesis_controller::agent::observation::{Sight, Truth};
 use crate::prosthesis_controller::agent::{ActionMap, Actuation, Actuations, ObservationMap};
 use crate::randomisation::Randomiser;
@@ -155,16 +154,6 @@ impl<const L: usize> Environments<L> {
         if lanes.contains(&true) {
             self.start(setup, model, lanes, scratch);
         }
-    }
-
-    /// Has what a step works on fetched into the caches.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        self.simulation.prefetch();
-        prefetch(&self.envs);
-        prefetch(&self.actuation.now);
-        prefetch(&self.fall_height);
-        prefetch(self.observations.as_slice());
     }
 
     /// Newest observations, (L, observation size).

@@ -39,7 +39,9 @@ pub mod terrain;
 pub mod trial;
 
 pub mod batch;
+pub mod block;
 pub mod config;
+mod crew;
 pub mod environment;
 pub mod judgement;
 #[cfg(feature = "python")]

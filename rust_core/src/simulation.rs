@@ -13,7 +13,7 @@ use crate::energy_meter::EnergyMeter;
 use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, WalkerMemory, WalkerState, Walkers};
 use crate::integrator::{self, HybridFlow, Workspace};
 use crate::lanes::vectorised;
-use crate::prefetch::prefetch;
+use crate::prefetch::Ahead;
 use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
 use crate::scenario::Episode;
 use crate::sensors::{self, SensorMemory, Sensors};
@@ -93,6 +93,8 @@ pub struct Scratch<const L: usize> {
     signals: Signals<L>,
     /// What the sensors sense, at the last sample.
     pub truth: MeasurandLanes<L>,
+    /// Fetched into the caches while walkers advance: what comes after them.
+    pub ahead: Ahead,
 }
 
 impl<const L: usize> Scratch<L> {
@@ -104,6 +106,7 @@ impl<const L: usize> Scratch<L> {
             rates: state,
             signals: Signals::new(&model.plant),
             truth: MeasurandLanes::default(),
+            ahead: Ahead::default(),
         }
     }
 }
@@ -143,20 +146,6 @@ impl<const L: usize> Simulation<L> {
             next_push: [0; L],
             episode: std::array::from_fn(|_| None),
         }
-    }
-
-    /// Has what a control period works on fetched into the caches.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(&self.state);
-        self.walkers.prefetch();
-        self.sensors.prefetch();
-        prefetch(&self.readings);
-        prefetch(&self.state_machine);
-        prefetch(&self.state_machine_command);
-        prefetch(&self.sample);
-        prefetch(&self.next_intent);
-        prefetch(&self.next_push);
     }
 
     /// Starts `episode` in `lane`; call [`observe_started`](Self::observe_started) after the last start.
@@ -243,10 +232,14 @@ impl<const L: usize> Simulation<L> {
     #[inline(always)]
     pub fn advance(&mut self, model: &Model<L>, commands: &[f64; L], scratch: &mut Scratch<L>) {
         self.begin_period(model, commands, scratch);
-        let Scratch { work, signals, .. } = scratch;
+        let Scratch { work, signals, ahead, .. } = scratch;
         let mut plant = HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals };
         let SolverParams { stepper, steps } = model.solver;
-        integrator::advance(&mut plant, &mut self.state, work, stepper, CONTROL_PERIOD_S, steps);
+        let step_s = CONTROL_PERIOD_S / steps as f64;
+        for step in 1..=steps {
+            ahead.fetch(step, steps);
+            integrator::advance(&mut plant, &mut self.state, work, stepper, step_s, 1);
+        }
         self.finish_period(model, scratch);
     }
 

@@ -1,6 +1,5 @@
-//! What a step writes, and how it is cut into parts.
+//! What a step writes.
 
-use crate::environment::{Autoreset, Setup};
 use crate::prefetch::prefetch;
 use crate::reward::TERMS;
 
@@ -19,7 +18,7 @@ pub struct StepOutput<'a> {
     pub terms: &'a mut [f64],
     /// (N,): [`Reason`] as number.
     pub reasons: &'a mut [u8],
-    /// (N, observation size): last observation of an episode that ended in this step; only with [`Autoreset::SameStep`].
+    /// (N, observation size): last observation of an episode that ended in this step; only with autoreset in the same step.
     pub final_observations: &'a mut [f32],
     /// (N,): reset in this step.
     pub started: &'a mut [bool],
@@ -46,6 +45,25 @@ impl StepOutput<'_> {
         prefetch(self.episode_steps);
     }
 
+    /// Takes the part of the first `count` environments away; None if there are fewer.
+    pub fn take(&mut self, count: usize) -> Option<Self> {
+        let size = self.observations.len() / self.rewards.len();
+        let final_size = if self.final_observations.is_empty() { 0 } else { size };
+        Some(Self {
+            observations: self.observations.split_off_mut(..count * size)?,
+            rewards: self.rewards.split_off_mut(..count)?,
+            terminated: self.terminated.split_off_mut(..count)?,
+            truncated: self.truncated.split_off_mut(..count)?,
+            terms: self.terms.split_off_mut(..count * TERMS.len())?,
+            reasons: self.reasons.split_off_mut(..count)?,
+            final_observations: self.final_observations.split_off_mut(..count * final_size)?,
+            started: self.started.split_off_mut(..count)?,
+            episode_returns: self.episode_returns.split_off_mut(..count)?,
+            episode_steps: self.episode_steps.split_off_mut(..count)?,
+            episode_terms: self.episode_terms.split_off_mut(..count * TERMS.len())?,
+        })
+    }
+
     /// The same for a shorter time.
     pub fn reborrow(&mut self) -> StepOutput<'_> {
         StepOutput {
@@ -62,51 +80,4 @@ impl StepOutput<'_> {
             episode_terms: self.episode_terms,
         }
     }
-}
-
-/// Cuts actions and outputs into one part per block of `lanes` environments.
-pub fn split<'a>(
-    actions: &'a [f64],
-    output: StepOutput<'a>,
-    lanes: usize,
-    setup: &Setup,
-) -> impl ExactSizeIterator<Item = (&'a [f64], StepOutput<'a>)> {
-    let size = setup.observation_size() * lanes;
-    let final_size = if setup.autoreset == Autoreset::SameStep { size } else { 0 };
-    let mut finals = output.final_observations;
-    let mut next_final = move || {
-        let cut = final_size.min(finals.len());
-        let (head, tail) = std::mem::take(&mut finals).split_at_mut(cut);
-        finals = tail;
-        head
-    };
-    actions
-        .chunks(lanes * setup.action_size())
-        .zip(output.observations.chunks_mut(size))
-        .zip(output.rewards.chunks_mut(lanes))
-        .zip(output.terminated.chunks_mut(lanes))
-        .zip(output.truncated.chunks_mut(lanes))
-        .zip(output.terms.chunks_mut(lanes * TERMS.len()))
-        .zip(output.reasons.chunks_mut(lanes))
-        .zip(output.started.chunks_mut(lanes))
-        .zip(output.episode_returns.chunks_mut(lanes))
-        .zip(output.episode_steps.chunks_mut(lanes))
-        .zip(output.episode_terms.chunks_mut(lanes * TERMS.len()))
-        .map(move |(((((part, reasons), started), episode_returns), episode_steps), episode_terms)| {
-            let (((((actions, observations), rewards), terminated), truncated), terms) = part;
-            let part = StepOutput {
-                observations,
-                rewards,
-                terminated,
-                truncated,
-                terms,
-                reasons,
-                final_observations: next_final(),
-                started,
-                episode_returns,
-                episode_steps,
-                episode_terms,
-            };
-            (actions, part)
-        })
 }

@@ -15,7 +15,7 @@ use prosthesis_gym_core::signals::Measurand;
 use prosthesis_gym_core::trial::Trial;
 
 /// Lanes of a wide block.
-pub const LANES: usize = prosthesis_gym_core::batch::LANES;
+pub const LANES: usize = prosthesis_gym_core::block::LANES;
 
 /// Blocks that single equations run over, so that neither dispatch nor timer counts.
 pub const BLOCKS: usize = 16;

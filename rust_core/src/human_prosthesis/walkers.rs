@@ -4,7 +4,6 @@ use super::Model;
 use crate::human_controller::gait_fsm::{GuardLanes, Memory};
 use crate::human_controller::intent::Profile;
 use crate::human_controller::{DriveLanes, Individual};
-use crate::prefetch::prefetch;
 
 /// Inputs and discrete state of a block of walkers.
 #[derive(Clone, Debug)]
@@ -62,18 +61,6 @@ pub struct WalkerMemory {
 }
 
 impl<const L: usize> Walkers<L> {
-    /// Has what a control period works on fetched into the caches: all but what only transitions ask for.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        for column in
-            [&self.command, &self.push_x, &self.push_y, &self.intent, &self.direction, &self.extension_stop_peak]
-        {
-            prefetch(column);
-        }
-        prefetch(&self.drive);
-        prefetch(&self.guard);
-    }
-
     /// The walker in `lane`.
     pub fn get(&self, lane: usize) -> WalkerMemory {
         WalkerMemory {

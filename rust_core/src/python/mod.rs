@@ -1,6 +1,7 @@
 //! The Python module `prosthesis_gym._core`: the only folder that names pyo3 and numpy.
 
 mod dynamics;
+mod recycled;
 mod step;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
@@ -55,7 +56,13 @@ struct PyBatch {
 impl PyBatch {
     #[new]
     #[pyo3(signature = (num_envs, config, autoreset = "next_step", threads = None))]
-    fn new(num_envs: usize, config: &Bound<'_, PyAny>, autoreset: &str, threads: Option<usize>) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        num_envs: usize,
+        config: &Bound<'_, PyAny>,
+        autoreset: &str,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
         let autoreset = match autoreset {
             "next_step" => Autoreset::NextStep,
             "same_step" => Autoreset::SameStep,
@@ -67,7 +74,7 @@ impl PyBatch {
         };
         let config = read_config(config)?;
         let batch = Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))?;
-        Ok(Self { batch, outputs: Outputs::default() })
+        Ok(Self { batch, outputs: Outputs::new(py) })
     }
 
     /// Memory of an environment in its block, bytes.

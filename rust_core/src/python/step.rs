@@ -1,93 +1,86 @@
 //! What a step hands to Python: arrays that are filled again once nobody there holds them any longer.
 
-use numpy::ndarray::Dimension;
-use numpy::{Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::ndarray::{Ix1, Ix2};
+use numpy::{PyArray, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 
+use super::recycled::Recycled;
 use crate::batch::Batch;
 use crate::environment::Autoreset;
 use crate::reward::TERMS;
 use crate::step_output::StepOutput;
+use crate::termination::REASONS;
 
-/// Declares the arrays of a step. A set that somebody looks at counts more references than its own.
+/// Declares the arrays of a step: one row per environment.
 macro_rules! arrays {
-    ($($field:ident: $Array:ty,)+) => {
+    ($($field:ident: $T:ty, $D:ident,)+) => {
         /// What one step of all environments gives; see `_core.pyi`.
         #[pyclass(frozen, get_all, name = "Step", module = "prosthesis_gym._core")]
         pub struct PyStep {
-            $($field: Py<$Array>,)+
+            $($field: Py<PyArray<$T, $D>>,)+
             final_observations: Option<Py<PyArray2<f32>>>,
             eventful: bool,
         }
 
-        impl PyStep {
-            fn share(&self, py: Python<'_>, eventful: bool) -> Self {
-                Self {
-                    $($field: self.$field.clone_ref(py),)+
-                    final_observations: self.final_observations.as_ref().map(|finals| finals.clone_ref(py)),
+        /// Its arrays.
+        struct Arrays {
+            $($field: Recycled<$T, $D>,)+
+            final_observations: Option<Recycled<f32, Ix2>>,
+        }
+
+        impl Arrays {
+            fn share(&self, py: Python<'_>, eventful: bool) -> PyStep {
+                PyStep {
+                    $($field: self.$field.share(py),)+
+                    final_observations: self.final_observations.as_ref().map(|finals| finals.share(py)),
                     eventful,
                 }
             }
 
-            /// Whether the arrays are nobody's, and as they were made.
-            fn is_free(&self, py: Python<'_>, batch: &Batch) -> bool {
-                let sizes = [batch.observation_size(), TERMS.len()];
-                $(is_free(py, &self.$field, batch.num_envs(), &sizes))&&+
-                    && self.final_observations.as_ref().is_none_or(|finals| is_free(py, finals, batch.num_envs(), &sizes))
+            /// Whether nobody else holds any of them.
+            fn are_free(&self, py: Python<'_>) -> bool {
+                $(self.$field.is_free(py))&&+ && self.final_observations.as_ref().is_none_or(|finals| finals.is_free(py))
             }
         }
     };
 }
 
 arrays! {
-    observations: PyArray2<f32>,
-    rewards: PyArray1<f64>,
-    terminated: PyArray1<bool>,
-    truncated: PyArray1<bool>,
-    terms: PyArray2<f64>,
-    reasons: PyArray1<u8>,
-    started: PyArray1<bool>,
-    episode_returns: PyArray1<f64>,
-    episode_steps: PyArray1<u32>,
-    episode_terms: PyArray2<f64>,
-}
-
-/// How many references to `object` there are: 1 if the caller's is the only one.
-#[allow(unsafe_code)]
-fn references<T>(_py: Python<'_>, object: &Py<T>) -> isize {
-    // SAFETY: `object` is alive and the interpreter attached.
-    unsafe { pyo3::ffi::Py_REFCNT(object.as_ptr()) }
-}
-
-/// Whether nobody else holds an array of `count` rows of one of `sizes`, and nobody who did has changed its shape, type or flags.
-fn is_free<T: Element, D: Dimension>(py: Python<'_>, array: &Py<PyArray<T, D>>, count: usize, sizes: &[usize]) -> bool {
-    if references(py, array) != 1 {
-        return false;
-    }
-    let array = array.bind(py);
-    let as_made = match array.shape() {
-        [rows] => *rows == count,
-        [rows, size] => *rows == count && sizes.contains(size),
-        _ => false,
-    };
-    as_made && array.dtype().is_equiv_to(&T::get_dtype(py)) && array.is_c_contiguous() && array.try_readwrite().is_ok()
+    observations: f32, Ix2,
+    rewards: f64, Ix1,
+    terminated: bool, Ix1,
+    truncated: bool, Ix1,
+    terms: f64, Ix2,
+    reasons: u8, Ix1,
+    termination_reasons: Py<PyAny>, Ix1,
+    started: bool, Ix1,
+    episode_returns: f64, Ix1,
+    episode_steps: u32, Ix1,
+    episode_terms: f64, Ix2,
 }
 
 /// Sets of arrays that are kept: a training loop holds those of the last step while it takes the next.
 const MOST_KEPT: usize = 3;
 
 /// Arrays of the last steps. Fresh ones for each step would cost page faults in large batches, allocations in small ones.
-#[derive(Default)]
 pub(super) struct Outputs {
-    kept: Vec<PyStep>,
+    kept: Vec<Arrays>,
+    /// [`REASONS`]; None is none.
+    reasons: Vec<Py<PyAny>>,
 }
 
 impl Outputs {
+    pub fn new(py: Python<'_>) -> Self {
+        let named = REASONS[1..].iter().map(|name| PyString::intern(py, name).into_any().unbind());
+        Self { kept: Vec::new(), reasons: std::iter::once(py.None()).chain(named).collect() }
+    }
+
     /// Advances every environment of `batch`, and hands out what that gives.
     pub fn step(&mut self, py: Python<'_>, batch: &mut Batch, actions: &[f64]) -> PyResult<PyStep> {
-        let free = self.kept.iter().position(|step| step.is_free(py, batch));
-        let arrays = free.map_or_else(|| PyStep::new(py, batch), |index| self.kept.remove(index));
-        let eventful = arrays.fill(py, batch, actions)?;
+        let free = self.kept.iter().position(|arrays| arrays.are_free(py));
+        let mut arrays = free.map_or_else(|| Arrays::new(py, batch), |index| self.kept.remove(index));
+        let eventful = arrays.fill(py, batch, actions, &self.reasons)?;
         let step = arrays.share(py, eventful);
         if self.kept.len() == MOST_KEPT {
             self.kept.remove(0); // held for long, by whoever logs steps
@@ -97,61 +90,51 @@ impl Outputs {
     }
 }
 
-impl PyStep {
+impl Arrays {
     fn new(py: Python<'_>, batch: &Batch) -> Self {
-        let (count, size) = (batch.num_envs(), batch.observation_size());
+        let column = Ix1(batch.num_envs());
+        let observations = Ix2(batch.num_envs(), batch.observation_size());
+        let terms = Ix2(batch.num_envs(), TERMS.len());
         let finals = batch.autoreset() == Autoreset::SameStep;
         Self {
-            observations: rows(py, count, size),
-            rewards: column(py, count),
-            terminated: column(py, count),
-            truncated: column(py, count),
-            terms: rows(py, count, TERMS.len()),
-            reasons: column(py, count),
-            started: column(py, count),
-            final_observations: finals.then(|| rows(py, count, size)),
-            episode_returns: column(py, count),
-            episode_steps: column(py, count),
-            episode_terms: rows(py, count, TERMS.len()),
-            eventful: false,
+            observations: Recycled::zeros(py, observations),
+            rewards: Recycled::zeros(py, column),
+            terminated: Recycled::zeros(py, column),
+            truncated: Recycled::zeros(py, column),
+            terms: Recycled::zeros(py, terms),
+            reasons: Recycled::zeros(py, column),
+            termination_reasons: Recycled::zeros(py, column),
+            started: Recycled::zeros(py, column),
+            final_observations: finals.then(|| Recycled::zeros(py, observations)),
+            episode_returns: Recycled::zeros(py, column),
+            episode_steps: Recycled::zeros(py, column),
+            episode_terms: Recycled::zeros(py, terms),
         }
     }
 
     /// Returns whether any environment was reset or ended.
-    fn fill(&self, py: Python<'_>, batch: &mut Batch, actions: &[f64]) -> PyResult<bool> {
-        let mut observations = self.observations.bind(py).readwrite();
-        let mut rewards = self.rewards.bind(py).readwrite();
-        let mut terminated = self.terminated.bind(py).readwrite();
-        let mut truncated = self.truncated.bind(py).readwrite();
-        let mut terms = self.terms.bind(py).readwrite();
-        let mut reasons = self.reasons.bind(py).readwrite();
-        let mut started = self.started.bind(py).readwrite();
-        let mut finals = self.final_observations.as_ref().map(|finals| finals.bind(py).readwrite());
-        let mut episode_returns = self.episode_returns.bind(py).readwrite();
-        let mut episode_steps = self.episode_steps.bind(py).readwrite();
-        let mut episode_terms = self.episode_terms.bind(py).readwrite();
-        let output = StepOutput {
-            observations: observations.as_slice_mut()?,
-            rewards: rewards.as_slice_mut()?,
-            terminated: terminated.as_slice_mut()?,
-            truncated: truncated.as_slice_mut()?,
-            terms: terms.as_slice_mut()?,
-            reasons: reasons.as_slice_mut()?,
-            final_observations: finals.as_mut().map(|finals| finals.as_slice_mut()).transpose()?.unwrap_or(&mut []),
-            started: started.as_slice_mut()?,
-            episode_returns: episode_returns.as_slice_mut()?,
-            episode_steps: episode_steps.as_slice_mut()?,
-            episode_terms: episode_terms.as_slice_mut()?,
+    fn fill(&mut self, py: Python<'_>, batch: &mut Batch, actions: &[f64], names: &[Py<PyAny>]) -> PyResult<bool> {
+        let finals = self.final_observations.as_mut().map(|finals| finals.entries(py)).transpose()?;
+        let mut output = StepOutput {
+            observations: self.observations.entries(py)?,
+            rewards: self.rewards.entries(py)?,
+            terminated: self.terminated.entries(py)?,
+            truncated: self.truncated.entries(py)?,
+            terms: self.terms.entries(py)?,
+            reasons: self.reasons.entries(py)?,
+            final_observations: finals.unwrap_or(&mut []),
+            started: self.started.entries(py)?,
+            episode_returns: self.episode_returns.entries(py)?,
+            episode_steps: self.episode_steps.entries(py)?,
+            episode_terms: self.episode_terms.entries(py)?,
         };
-        py.detach(|| batch.step(actions, output))?;
-        Ok(started.as_slice()?.contains(&true) || reasons.as_slice()?.iter().any(|&reason| reason != 0))
+        py.detach(|| batch.step(actions, output.reborrow()))?;
+        for (named, &reason) in self.termination_reasons.entries(py)?.iter_mut().zip(&*output.reasons) {
+            let name = &names[usize::from(reason)];
+            if !named.is(name) {
+                *named = name.clone_ref(py);
+            }
+        }
+        Ok(output.started.contains(&true) || output.reasons.iter().any(|&reason| reason != 0))
     }
-}
-
-fn column<T: Element>(py: Python<'_>, length: usize) -> Py<PyArray1<T>> {
-    PyArray1::zeros(py, length, false).unbind()
-}
-
-fn rows<T: Element>(py: Python<'_>, count: usize, length: usize) -> Py<PyArray2<T>> {
-    PyArray2::zeros(py, [count, length], false).unbind()
 }

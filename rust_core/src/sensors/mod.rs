@@ -7,7 +7,6 @@ pub(crate) mod noise;
 pub mod params;
 
 use crate::lanes::lanes;
-use crate::prefetch::prefetch;
 use crate::signals::{CONTROL_PERIOD_S, MeasurandLanes, ReadingsLanes};
 use channel::{Channel, Kind};
 use params::Imperfections;
@@ -177,14 +176,6 @@ impl<const L: usize> Default for Sensors<L> {
 }
 
 impl<const L: usize> Sensors<L> {
-    /// Has what a sample of ideal sensors works on fetched into the caches.
-    #[inline(always)]
-    pub fn prefetch(&self) {
-        prefetch(&self.count);
-        prefetch(&self.knee);
-        prefetch(&self.ankle);
-    }
-
     /// What those in `lane` keep.
     pub fn get(&self, lane: usize) -> SensorMemory {
         SensorMemory {

@@ -1,0 +1,157 @@
+//! A block: environments side by side in the lanes of one walker, stepped by one thread.
+
+use std::sync::Arc;
+
+use crate::environment::{Environments, SavedEnvironment, Setup};
+use crate::lanes::vectorised;
+use crate::prefetch::Ahead;
+use crate::recorder::{Recorder, Row};
+use crate::scenario::Episode;
+use crate::simulation::{Model, Scratch};
+use crate::step_output::StepOutput;
+
+/// Walkers per wide block: one AVX-512 register of `f64`.
+pub const LANES: usize = 8;
+
+/// A block of environments of some width; `lane` and the slices' lengths cover its used lanes.
+pub trait Block: Send + Sync + std::fmt::Debug {
+    /// Resets the lanes in `mask`, to episode 0 of new seeds or to their next episode.
+    fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches);
+    /// Advances all lanes by one action each, and has `ahead` fetched meanwhile.
+    fn step(
+        &mut self,
+        setup: &Setup,
+        actions: &[f64],
+        output: &mut StepOutput<'_>,
+        scratches: &mut Scratches,
+        ahead: Ahead,
+    );
+    /// The newest observations, (lanes, observation size).
+    fn observations(&self) -> &[f32];
+    /// Whether the lane's episode has ended.
+    fn ended(&self, lane: usize) -> bool;
+    /// The episode that runs, if there has been a reset.
+    fn episode(&self, lane: usize) -> Option<&Episode>;
+    /// The lane's state, if there has been a reset.
+    fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment>;
+    /// Puts a saved state into the lane.
+    fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches);
+    /// Records the lane from its next reset on.
+    fn record(&mut self, lane: usize);
+    /// What has been recorded.
+    fn recording(&self) -> Option<&Recorder>;
+    /// The lane's present state, as a recorder would append it.
+    fn snapshot(&self, lane: usize) -> Row;
+    /// Height of the ground under the lane's walker at `x`, m.
+    fn ground_height(&self, lane: usize, x: f64) -> f64;
+    /// Memory of the block.
+    fn bytes(&self) -> usize;
+    /// The block's memory, to be fetched while another block is stepped.
+    fn memory(&self) -> Ahead;
+}
+
+/// What a thread needs for a step, made when it is first needed. Boxed: Python aligns the batch to 16 bytes, columns need 64.
+#[derive(Debug, Default)]
+pub struct Scratches {
+    narrow: Option<Box<Scratch<1>>>,
+    wide: Option<Box<Scratch<LANES>>>,
+}
+
+/// Environments and the constants of their walkers, which all blocks share.
+#[derive(Debug)]
+struct Walking<const L: usize> {
+    model: Arc<Model<L>>,
+    environments: Environments<L>,
+}
+
+macro_rules! block {
+    ($width:expr, $scratch:ident) => {
+        impl Block for Walking<$width> {
+            fn reset(&mut self, setup: &Setup, mask: &[bool], seeds: Option<&[u64]>, scratches: &mut Scratches) {
+                let lanes = std::array::from_fn(|lane| mask.get(lane).is_some_and(|&selected| selected));
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                let seed = |lane: usize| seeds.map(|seeds| seeds[lane]);
+                self.environments.reset(setup, &mut self.model, &lanes, seed, scratch);
+            }
+            fn step(
+                &mut self,
+                setup: &Setup,
+                actions: &[f64],
+                output: &mut StepOutput<'_>,
+                scratches: &mut Scratches,
+                ahead: Ahead,
+            ) {
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                scratch.ahead = ahead;
+                let starting = step(&mut self.environments, setup, &self.model, actions, output, scratch);
+                self.environments.finish(setup, &mut self.model, &starting, output, scratch);
+            }
+            fn observations(&self) -> &[f32] {
+                self.environments.observations()
+            }
+            fn ended(&self, lane: usize) -> bool {
+                self.environments.ended(lane)
+            }
+            fn episode(&self, lane: usize) -> Option<&Episode> {
+                self.environments.episode(lane)
+            }
+            fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment> {
+                self.environments.save(setup, lane)
+            }
+            fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches) {
+                let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
+                self.environments.restore(setup, &mut self.model, lane, saved, scratch);
+            }
+            fn record(&mut self, lane: usize) {
+                self.environments.record(lane);
+            }
+            fn recording(&self) -> Option<&Recorder> {
+                self.environments.recording()
+            }
+            fn snapshot(&self, lane: usize) -> Row {
+                self.environments.snapshot(&self.model, lane)
+            }
+            fn ground_height(&self, lane: usize, x: f64) -> f64 {
+                self.model.plant.ground_height(lane, x)
+            }
+            fn memory(&self) -> Ahead {
+                Ahead::of(self)
+            }
+            fn bytes(&self) -> usize {
+                size_of::<Self>() + size_of_val(self.environments.observations())
+            }
+        }
+    };
+}
+block!(1, narrow);
+block!(LANES, wide);
+
+vectorised! {
+    /// One step of a block.
+    fn step<const L: usize>(
+        block: &mut Environments<L>,
+        setup: &Setup,
+        model: &Model<L>,
+        actions: &[f64],
+        output: &mut StepOutput<'_>,
+        scratch: &mut Scratch<L>,
+    ) -> [bool; L] {
+        block.step(setup, model, actions, output, scratch)
+    }
+}
+
+/// `count` blocks of equal walkers, `width` in each: 1 or [`LANES`].
+pub fn blocks(setup: &Setup, width: usize, count: usize) -> Vec<Box<dyn Block>> {
+    if width == 1 { equal::<1>(setup, count) } else { equal::<LANES>(setup, count) }
+}
+
+fn equal<const L: usize>(setup: &Setup, count: usize) -> Vec<Box<dyn Block>>
+where
+    Walking<L>: Block + 'static,
+{
+    let mut model = Arc::new(Model::new(&setup.config));
+    let mut scratch = Scratch::new(&model);
+    let environments = Environments::new(setup, &mut model, &mut scratch);
+    let block = || Walking { model: Arc::clone(&model), environments: environments.clone() };
+    (0..count).map(|_| -> Box<dyn Block> { Box::new(block()) }).collect()
+}

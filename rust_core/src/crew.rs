@@ -1,0 +1,141 @@
+//! How a step is shared out to threads: the caller's, and those of its helpers.
+
+use std::hint::spin_loop;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+
+use crate::block::{Block, Scratches};
+use crate::environment::Setup;
+use crate::error::{Error, Result};
+use crate::prefetch::{Ahead, prefetch};
+use crate::step_output::StepOutput;
+
+/// Below this many blocks a step runs on the caller's thread: waking helpers costs more than it saves.
+const PARALLEL_FROM: usize = 6;
+/// A thread takes this part of its share of what is left: few portions are handed out, and threads end within a block's time.
+const PORTIONS: usize = 4;
+/// How often the caller looks whether helpers have finished before it sleeps, some tens of us: waking it up costs as much.
+const LOOKS: usize = 2000;
+
+/// Blocks to step, their actions, and where outputs go.
+pub struct Work<'a> {
+    pub blocks: &'a mut [Box<dyn Block>],
+    /// Environments per block.
+    pub width: usize,
+    pub actions: &'a [f64],
+    pub output: StepOutput<'a>,
+}
+
+impl Work<'_> {
+    /// Takes the first `blocks` away; None if nothing is left.
+    fn take(&mut self, blocks: usize) -> Option<Self> {
+        let environments = self.output.rewards.len();
+        if environments == 0 {
+            return None;
+        }
+        let taken = environments.min(blocks * self.width);
+        let action_size = self.actions.len() / environments;
+        Some(Self {
+            blocks: self.blocks.split_off_mut(..blocks)?,
+            width: self.width,
+            actions: self.actions.split_off(..taken * action_size)?,
+            output: self.output.take(taken)?,
+        })
+    }
+
+    /// Takes what one of `threads` threads should do next.
+    fn portion(&mut self, threads: usize) -> Option<Self> {
+        self.take((self.blocks.len() / (PORTIONS * threads)).max(1))
+    }
+
+    /// Steps block after block.
+    fn run(mut self, setup: &Setup, scratches: &mut Scratches) {
+        let mut next = self.take(1);
+        while let Some(mut now) = next {
+            next = self.take(1);
+            let ahead = next.as_ref().map_or_else(Ahead::default, |next| {
+                prefetch(next.blocks[0].observations());
+                prefetch(next.actions);
+                next.output.prefetch();
+                next.blocks[0].memory()
+            });
+            now.blocks[0].step(setup, now.actions, &mut now.output, scratches, ahead);
+        }
+    }
+}
+
+/// The threads that step a batch.
+#[derive(Debug)]
+pub struct Crew {
+    /// The caller's and its helpers.
+    threads: usize,
+    /// The caller's.
+    pub scratches: Scratches,
+    helpers: Option<Helpers>,
+}
+
+/// Threads beside the caller's, their scratches, and the process that they live in.
+#[derive(Debug)]
+struct Helpers {
+    process: u32,
+    threads: rayon::ThreadPool,
+    scratches: Vec<Scratches>,
+}
+
+impl Crew {
+    /// Helpers start when they are first needed.
+    pub fn new(threads: usize) -> Self {
+        Self { threads, scratches: Scratches::default(), helpers: None }
+    }
+
+    /// Steps all blocks.
+    pub fn run(&mut self, work: Work<'_>, setup: &Setup) -> Result<()> {
+        let (threads, blocks) = (self.threads, work.blocks.len());
+        if threads == 1 || blocks < PARALLEL_FROM {
+            work.run(setup, &mut self.scratches);
+            return Ok(());
+        }
+        let work = Mutex::new(work);
+        let join = |scratches: &mut Scratches| {
+            let next = || work.lock().unwrap_or_else(PoisonError::into_inner).portion(threads);
+            while let Some(portion) = next() {
+                portion.run(setup, scratches);
+            }
+        };
+        let Helpers { threads, scratches, .. } = helpers(&mut self.helpers, threads)?;
+        let called = scratches.len().min(blocks - 1);
+        let finished = AtomicUsize::new(0);
+        // The caller starts at once; helpers take what is left when they have woken up.
+        threads.in_place_scope(|scope| {
+            for scratches in &mut scratches[..called] {
+                scope.spawn(|_| {
+                    join(scratches);
+                    finished.fetch_add(1, Ordering::Release);
+                });
+            }
+            join(&mut self.scratches);
+            for _ in 0..LOOKS {
+                if finished.load(Ordering::Acquire) == called {
+                    break;
+                }
+                spin_loop();
+            }
+        });
+        Ok(())
+    }
+}
+
+/// The helpers of this process: threads do not survive a fork, so a child starts its own.
+fn helpers(slot: &mut Option<Helpers>, threads: usize) -> Result<&mut Helpers> {
+    let process = std::process::id();
+    if slot.as_ref().is_none_or(|helpers| helpers.process != process) {
+        let threads = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads - 1)
+            .build()
+            .map_err(|error| Error::Invalid(format!("cannot start {threads} threads: {error}")))?;
+        let scratches = (0..threads.current_num_threads()).map(|_| Scratches::default()).collect();
+        // The parent's have no threads here; dropping them would wait for them.
+        std::mem::forget(slot.replace(Helpers { process, threads, scratches }));
+    }
+    slot.as_mut().ok_or_else(|| Error::Invalid("no threads".into()))
+}
