@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeGuard
 
+import numpy as np
+
 from prosthesis_gym import _core
 
 Config = dict[str, Any]
@@ -59,7 +61,21 @@ def resolve(config: Mapping[str, Any]) -> Config:
         ValueError: names the key, its value and what is allowed.
 
     """
-    return _core.resolve(config)
+    resolved = _core.resolve(config)
+    _refuse_flags(config, resolved, "")
+    return resolved
+
+
+def _refuse_flags(given: object, resolved: Any, key: str) -> None:  # noqa: ANN401 - whatever the schema has there
+    """Raise where `given` says true or false and the schema wants a number: Python counts them among the numbers."""
+    if isinstance(given, bool | np.bool_) and not isinstance(resolved, bool):
+        raise ValueError(f"{key} = {str(given).lower()} must be a number")  # noqa: TRY004 - as all bad values
+    if isinstance(given, Mapping) and isinstance(resolved, Mapping):
+        for name, value in given.items():
+            _refuse_flags(value, resolved.get(name), f"{key}.{name}" if key else name)
+    elif isinstance(given, list | tuple) and isinstance(resolved, list):
+        for index, (value, other) in enumerate(zip(given, resolved, strict=False)):
+            _refuse_flags(value, other, f"{key}[{index}]")
 
 
 def merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> Config:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from prosthesis_gym import _core
@@ -47,11 +48,32 @@ from prosthesis_gym.devices import DEVICES
             "friction_knee.set_friction_nm = -1 is outside its allowed range [0, 1000] N m",
         ),
         ({"body": {"ball_x_m": -0.1}}, "body.ball_x_m = -0.1 must lie ahead"),
+        ({"ground": {"friction": True}}, "ground.friction = true must be a number"),
+        ({"ground": {"friction": np.True_}}, "ground.friction = true must be a number"),
+        ({"action": {"hold": True}}, "action.hold = true must be a number"),
+        ({"scenario": {"speed_m_s": [True, 1.2]}}, "scenario.speed_m_s: expected a number, [low, high], or one of"),
+        (
+            {"scenario": {"profile": [{"time_s": False, "speed_m_s": 1.0, "walk": True}]}},
+            "scenario.profile[0].time_s = false must be a number",
+        ),
     ],
 )
 def test_bad_configurations_are_named(config: dict[str, Any], complaint: str) -> None:
     with pytest.raises(ValueError, match=re.escape(complaint)):
         resolve(config)
+
+
+def test_numbers_of_numpy_and_flags_of_the_schema_are_taken() -> None:
+    config = resolve(
+        {
+            "ground": {"friction": np.float32(0.5)},
+            "action": {"hold": np.int64(2)},
+            "state_machine": {"recovery": False},
+            "scenario": {"profile": [{"time_s": 0.0, "speed_m_s": 1.0, "walk": True}]},
+        }
+    )
+    assert (config["ground"]["friction"], config["action"]["hold"]) == (0.5, 2)
+    assert config["state_machine"]["recovery"] is False
 
 
 def dotted_keys(section: Config) -> Iterator[str]:
