@@ -69,7 +69,10 @@ def resolve(config: Mapping[str, Any]) -> Config:
 def _refuse_flags(given: object, resolved: Any, key: str) -> None:  # noqa: ANN401 - whatever the schema has there
     """Raise where `given` says true or false and the schema wants a number: Python counts them among the numbers."""
     if isinstance(given, bool | np.bool_) and not isinstance(resolved, bool):
-        raise ValueError(f"{key} = {str(given).lower()} must be a number")  # noqa: TRY004 - as all bad values
+        ranges = {row["key"]: f" in {row['range']} {row['unit']}".rstrip() for row in _core.parameters()}
+        raise ValueError(  # noqa: TRY004 - as all bad values
+            f"{key} = {str(given).lower()} must be a number{ranges.get(key, '')}"
+        )
     if isinstance(given, Mapping) and isinstance(resolved, Mapping):
         for name, value in given.items():
             _refuse_flags(value, resolved.get(name), f"{key}.{name}" if key else name)

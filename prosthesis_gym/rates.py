@@ -13,7 +13,7 @@ def median_rates(
 ) -> list[float]:
     """Return the rate of each setting, 1/s: the median of turns that it takes with the others.
 
-    What slows the machine for a while slows all settings, or none in most of its turns, so ratios hold.
+    What slows the machine for a while falls on all settings about alike, so ratios hold better than the rates.
 
     Args:
         settings: do some work, and return how much.

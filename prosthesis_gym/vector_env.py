@@ -155,6 +155,8 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
     def set_state(self, state: bytes, indices: Sequence[int] | None = None) -> Observations:
         """Put saved walkers at `indices`, at all by default; a single one goes to each of them.
 
+        One whose episode has ended starts the next one, with `AutoresetMode.SAME_STEP` at once.
+
         The state may come from any environment, single or vector, of the same configuration and reward terms.
 
         Returns:
@@ -266,7 +268,7 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         return self.rendering.frames()
 
     def _infos(self, step: _core.Step | Step) -> dict[str, Any]:
-        """Lay out the infos of a step that resets environments only where it does nothing else with them."""
+        """Lay out the infos of a step that an environment either takes, or is reset in."""
         infos = self._reward_terms(step.terms, ~step.started)
         if step.eventful:
             ended = step.terminated | step.truncated
@@ -280,17 +282,17 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         if not step.eventful or finals is None:
             return self._reward_terms(step.terms, ~ended)
         where = ended[:, None]
-        why = {"termination_reason": step.termination_reasons, "_termination_reason": ended}
+        why = {"termination_reason": step.termination_reasons, "_termination_reason": ended.copy()}
         return self._reward_terms(np.where(where, 0.0, step.terms), ~ended) | {
             "final_obs": _rows(finals, ended),
-            "_final_obs": ended,
-            "final_info": self._reward_terms(np.where(where, step.terms, 0.0), ended) | why,
+            "_final_obs": ended.copy(),
+            "final_info": self._reward_terms(np.where(where, step.terms, 0.0), ended.copy()) | why,
             "_final_info": ended,
         }
 
     def _reward_terms(self, terms: NDArray[np.float64], present: NDArray[np.bool_]) -> dict[str, Any]:
         """Lay out the reward's terms (N, number of terms) of the environments in the mask; 0 elsewhere."""
-        # Not strict: running into an array's end takes longer than all the rest.
+        # Not strict: zip would ask the array for one row too many, and that IndexError takes longer than all the rest.
         named = dict(zip(self.walkers.terms.names, terms.T, strict=False)) | dict.fromkeys(self._term_masks, present)
         return {"reward_terms": named, "_reward_terms": present}
 

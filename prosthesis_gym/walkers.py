@@ -126,8 +126,10 @@ class Walkers:
         selected = self._selected(indices)
         core, sums = unseal(state)
         self.terms.check_sums(sums)
-        self.batch.set_state(core, selected)
+        restarted = self._none.copy()
+        restarted[selected] = self.batch.set_state(core, selected)
         self.terms.set_sums(sums, selected)
+        self.terms.reset(restarted)
         # Resetting none of the walkers hands out the newest observations of all.
         return self.terms.visible(self.batch.reset(None, self._none))
 

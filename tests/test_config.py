@@ -48,9 +48,9 @@ from prosthesis_gym.devices import DEVICES
             "friction_knee.set_friction_nm = -1 is outside its allowed range [0, 1000] N m",
         ),
         ({"body": {"ball_x_m": -0.1}}, "body.ball_x_m = -0.1 must lie ahead"),
-        ({"ground": {"friction": True}}, "ground.friction = true must be a number"),
+        ({"ground": {"friction": True}}, "ground.friction = true must be a number in (0, 10]"),
         ({"ground": {"friction": np.True_}}, "ground.friction = true must be a number"),
-        ({"action": {"hold": True}}, "action.hold = true must be a number"),
+        ({"action": {"hold": True}}, "action.hold = true must be a number in [1, 200] samples"),
         ({"scenario": {"speed_m_s": [True, 1.2]}}, "scenario.speed_m_s: expected a number, [low, high], or one of"),
         (
             {"scenario": {"profile": [{"time_s": False, "speed_m_s": 1.0, "walk": True}]}},

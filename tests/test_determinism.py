@@ -46,6 +46,27 @@ def test_the_number_of_threads_changes_nothing() -> None:
     np.testing.assert_array_equal(one, five)
 
 
+def test_threads_fill_every_array_of_a_step_alike_to_the_last_walker() -> None:
+    """The last block is not full, actions are three numbers, and episodes end."""
+    config = resolve({"device": {"kind": "motor"}, "action": {"mode": "impedance"}, "scenario": {"duration_s": 0.2}})
+    walkers = 203
+    actions = np.random.default_rng(0).uniform(-1.0, 1.0, (90, walkers * 3))
+    fields = [name for name, kind in vars(_core.Step).items() if not name.startswith("_") and name != "eventful"]
+
+    def steps(threads: int) -> list[dict[str, object]]:
+        batch = _core.Batch(walkers, config, autoreset="same_step", threads=threads)
+        batch.reset(np.arange(walkers, dtype=np.uint64), None)
+        return [{name: np.array(getattr(step, name)) for name in fields} for step in map(batch.step, actions)]
+
+    one = steps(1)
+    assert "episode_terms" in fields
+    assert sum(int(np.asarray(step["started"]).sum()) for step in one) >= 2 * walkers
+    for threads in (2, 5):
+        for mine, theirs in zip(one, steps(threads), strict=True):
+            for name in fields:
+                np.testing.assert_array_equal(mine[name], theirs[name], err_msg=name)
+
+
 def test_position_in_the_batch_changes_nothing() -> None:
     seeds = np.arange(40, dtype=np.uint64)
     order = np.random.default_rng(0).permutation(40)

@@ -1,5 +1,6 @@
 """Arrays that a step hands out: whoever holds one keeps it, and those that nobody holds are filled again."""
 
+import weakref
 from collections.abc import Callable
 
 import numpy as np
@@ -47,25 +48,43 @@ def test_infos_of_a_step_never_change() -> None:
 
 
 @pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
-def test_reasons_of_a_step_are_those_of_its_ends_whatever_became_of_earlier_ones(autoreset: str) -> None:
+@pytest.mark.parametrize("kept", [True, False], ids=["all kept", "all scribbled over and let go"])
+def test_reasons_of_a_step_are_those_of_its_ends_whatever_became_of_earlier_ones(autoreset: str, kept: bool) -> None:
     envs = ProsthesisVectorEnv(WALKERS, max_episode_steps=20, autoreset_mode=autoreset)
     envs.reset(seed=0)
-    held = []
+    actions = np.full((WALKERS, 1), 0.5, dtype=np.float32)
+    held, seen = [], []
     for step in range(200):
-        infos = envs.step(np.full((WALKERS, 1), 0.5, dtype=np.float32))[4]
+        if step == 7:  # a third of the walkers ends at other times than the rest
+            envs.reset(options={"reset_mask": np.arange(WALKERS) % 3 == 0})
+        infos = envs.step(actions)[4]
         final = infos.get("final_info", infos)
         if "termination_reason" not in final:
             continue
         reasons, ended = final["termination_reason"], final["_termination_reason"]
-        assert ended.any()
-        np.testing.assert_array_equal(reasons, [("time_limit" if end else None) for end in ended])
-        if step < 120:
+        seen.append(int(ended.sum()))
+        assert reasons.tolist() == [("time_limit" if end else None) for end in ended]
+        if kept:
             held.append((reasons, reasons.copy()))
         else:
-            reasons[:] = "scribbled over, and let go"
-    assert held
-    for reasons, copy in held:
-        np.testing.assert_array_equal(reasons, copy)
+            reasons[:] = "scribbled over"
+        del infos, final, reasons
+    assert {WALKERS // 3, WALKERS - WALKERS // 3} == set(seen)
+    for array, copy in held:
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_what_a_weak_reference_may_bring_back_is_not_filled_again() -> None:
+    walkers = batch()
+    observations = walkers.step(np.zeros(WALKERS)).observations
+    weak, before = weakref.ref(observations), observations.copy()
+    del observations
+    for _ in range(10):
+        walkers.step(np.zeros(WALKERS))
+        again = weak()
+        if again is not None:
+            np.testing.assert_array_equal(again, before)
+        del again
 
 
 def test_arrays_that_nobody_holds_are_filled_again() -> None:

@@ -1,5 +1,6 @@
 """Saved walkers: put back anywhere, they go on bit for bit."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -116,6 +117,45 @@ def test_single_and_vector_environments_exchange_walkers() -> None:
         mine, theirs = other.step(action), single.step(action)
         np.testing.assert_array_equal(mine[0], theirs[0])
         assert mine[1:] == theirs[1:]
+
+
+def test_a_walker_whose_episode_has_ended_starts_the_next_where_it_is_put() -> None:
+    short = merge(HOLD, {"scenario": {"duration_s": 0.2}})
+    single, later = (ProsthesisEnv(short, reward_terms=[TERM]) for _ in range(2))
+    action = np.zeros(1, dtype=np.float32)
+    single.reset(seed=1)
+    truncated = False
+    while not truncated:
+        truncated = single.step(action)[3]
+    ended = single.get_state()
+    fresh = single.reset()[0]
+    # At once where episodes are reset in the step that ends them; else in the next step, or by whoever resets it.
+    same_step = ProsthesisVectorEnv(3, short, reward_terms=[TERM], autoreset_mode=AutoresetMode.SAME_STEP)
+    same_step.reset(seed=9)
+    np.testing.assert_array_equal(same_step.set_state(ended, [1])[1], fresh)
+    step, expected = same_step.walkers.step(np.zeros(3)), single.step(action)
+    np.testing.assert_array_equal(step.observations[1], expected[0])
+    assert step.episode_returns[1] == step.rewards[1] == expected[1]
+    next_step = ProsthesisVectorEnv(3, short, reward_terms=[TERM], autoreset_mode=AutoresetMode.NEXT_STEP)
+    next_step.reset(seed=9)
+    next_step.set_state(ended, [1])
+    np.testing.assert_array_equal(next_step.step(np.zeros((3, 1), dtype=np.float32))[0][1], fresh)
+    later.set_state(ended)
+    with pytest.raises(ValueError, match="has ended"):
+        later.step(action)
+    np.testing.assert_array_equal(later.reset()[0], fresh)
+
+
+@pytest.mark.parametrize("call", [lambda envs: envs.step(np.zeros((5, 1), np.float32)), lambda envs: envs.get_state()])
+def test_environments_that_were_never_reset_are_named(call: Callable[[ProsthesisVectorEnv], object]) -> None:
+    envs = ProsthesisVectorEnv(5)
+    with pytest.raises(ValueError, match="environment 0 has not been reset yet"):
+        call(envs)
+    envs.reset(seed=0, options={"reset_mask": np.array([True, True, False, True, True])})
+    with pytest.raises(ValueError, match="environment 2 has not been reset yet"):
+        call(envs)
+    envs.reset(options={"reset_mask": np.array([False, False, True, False, False])})
+    call(envs)
 
 
 def test_the_next_episodes_are_those_that_would_have_come() -> None:

@@ -32,6 +32,8 @@ examples:
 """
 #: Action arrays that are drawn before the clock runs, then used in turn.
 _DRAWS = 16
+#: Env steps between two looks at the clock, at most, or one of all walkers.
+_MOST_PER_CALL = 65_536
 _MODES = {"agent": "direct", "state machine": "state_machine"}
 #: Walkers that share blocks.
 _MANY = 64
@@ -49,8 +51,8 @@ class Setting:
     threads: int
     walkers: int
 
-    def env(self) -> ProsthesisVectorEnv:
-        """Return the environment."""
+    def new_env(self) -> ProsthesisVectorEnv:
+        """Return a new environment."""
         config = {"device": {"kind": self.device}, "action": {"mode": _MODES[self.mode]}}
         return ProsthesisVectorEnv(self.walkers, config=config, threads=self.threads)
 
@@ -75,7 +77,13 @@ def add_parser(commands: Commands) -> None:
     add("--devices", nargs="+", default=["damper", "motor"], metavar="KNEE", help="default: damper motor")
     add("--modes", nargs="+", choices=list(_MODES), default=["agent"], metavar="MODE", help=f"of {list(_MODES)}")
     add("--threads", type=int, nargs="+", metavar="N", help="worker threads (default: one per core)")
-    add("--seconds", type=float, default=2.0, metavar="S", help="time per setting (default: 2)")
+    add(
+        "--seconds",
+        type=float,
+        default=2.0,
+        metavar="S",
+        help="time per setting (default: 2); settings take turns, all in memory",
+    )
     add("--peers", action="store_true", help="also MuJoCo, Gymnasium's and EnvPool's Walker2d, as far as installed")
     add("--guard", action="store_true", help="only check that blocks of walkers run as vector code; exit code 1 if not")
     add("--json", action="store_true", help="as JSON")
@@ -116,7 +124,7 @@ def run(arguments: argparse.Namespace) -> None:
 def measure(settings: Sequence[Setting], seconds: float) -> list[Result]:
     """Step walkers of each setting with random actions for about `seconds`, all settings in turns."""
     with contextlib.ExitStack() as stack:
-        envs = [stack.enter_context(contextlib.closing(setting.env())) for setting in settings]
+        envs = [stack.enter_context(contextlib.closing(setting.new_env())) for setting in settings]
         turns = TURNS * len(settings)
         show = stack.enter_context(progress_bar("measuring", turns, "turns"))
         rates = median_rates([stepping(env) for env in envs], seconds, show)
@@ -126,12 +134,14 @@ def measure(settings: Sequence[Setting], seconds: float) -> list[Result]:
 def stepping(env: ProsthesisVectorEnv) -> Callable[[], int]:
     """Return a function that takes some steps with random actions, and returns how many env steps that were."""
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWS, env.num_envs, 1)).astype(np.float32)
+    turn = itertools.cycle(actions)
+    steps = min(_DRAWS, max(1, _MOST_PER_CALL // env.num_envs))
     env.reset(seed=0)
 
     def step() -> int:
-        for action in actions:
+        for action in itertools.islice(turn, steps):
             env.step(action)
-        return _DRAWS * env.num_envs
+        return steps * env.num_envs
 
     return step
 

@@ -15,6 +15,7 @@ use crate::step_output::StepOutput;
 
 /// Below this many walkers a block holds one: a half-empty wide block is slower than scalar code.
 const SCALAR_BELOW: usize = 4;
+
 /// N environments.
 #[derive(Debug)]
 pub struct Batch {
@@ -23,6 +24,8 @@ pub struct Batch {
     /// Environments per block.
     width: usize,
     num_envs: usize,
+    /// The first environment that has never been reset.
+    unborn: Option<usize>,
     crew: Crew,
     /// Statistics of the observations, where they are normalised.
     pub normaliser: Option<Normaliser>,
@@ -37,7 +40,7 @@ impl Batch {
         let setup = Setup::new(config, autoreset)?;
         let width = if num_envs < SCALAR_BELOW { 1 } else { LANES };
         let blocks = blocks(&setup, width, num_envs.div_ceil(width));
-        Ok(Self { setup, blocks, width, num_envs, crew: Crew::new(threads), normaliser: None })
+        Ok(Self { setup, blocks, width, num_envs, unborn: Some(0), crew: Crew::new(threads), normaliser: None })
     }
 
     /// Number of environments.
@@ -79,7 +82,13 @@ impl Batch {
         for ((i, block), mask) in self.blocks.iter_mut().enumerate().zip(mask.chunks(self.width)) {
             block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]), &mut self.crew.scratches);
         }
+        self.find_unborn();
         Ok(())
+    }
+
+    fn find_unborn(&mut self) {
+        let born = |i: &usize| self.blocks[i / self.width].episode(i % self.width).is_some();
+        self.unborn = (0..self.num_envs).find(|i| !born(i));
     }
 
     /// Copies the newest observations, (N, observation size), normalised if that is asked for. Those in the mask `new` are seen
@@ -113,6 +122,10 @@ impl Batch {
     }
 
     fn step_raw(&mut self, actions: &[f64], output: StepOutput<'_>) -> Result<()> {
+        if let Some(index) = self.unborn {
+            return Err(Error::Invalid(format!("environment {index} has not been reset yet")));
+        }
+        output.check(self.num_envs, self.observation_size(), self.setup.autoreset)?;
         let size = self.setup.action_size();
         if actions.len() != size * self.num_envs {
             let reason =
@@ -159,19 +172,21 @@ impl Batch {
         snapshot::encode(&self.setup.config, &saved.collect::<Result<Vec<_>>>()?)
     }
 
-    /// Puts saved environments at `indices`; a single one at all of them.
-    pub fn restore(&mut self, indices: &[usize], bytes: &[u8]) -> Result<()> {
+    /// Puts saved environments at `indices`; a single one at all of them. Returns which had ended and start anew.
+    pub fn restore(&mut self, indices: &[usize], bytes: &[u8]) -> Result<Vec<bool>> {
         let saved = snapshot::decode(&self.setup.config, bytes)?;
         if saved.len() != 1 && saved.len() != indices.len() {
             let reason = format!("state holds {} environments, must hold 1 or {}", saved.len(), indices.len());
             return Err(Error::Invalid(reason));
         }
         indices.iter().try_for_each(|&index| self.check_index(index))?;
+        let mut restarts = Vec::with_capacity(indices.len());
         for (&index, saved) in indices.iter().zip(saved.iter().cycle()) {
             let block = &mut self.blocks[index / self.width];
-            block.restore(&self.setup, index % self.width, saved, &mut self.crew.scratches);
+            restarts.push(block.restore(&self.setup, index % self.width, saved, &mut self.crew.scratches));
         }
-        Ok(())
+        self.find_unborn();
+        Ok(restarts)
     }
 
     /// The episode that runs in each environment.

@@ -30,12 +30,12 @@ pub trait Block: Send + Sync + std::fmt::Debug {
     fn observations(&self) -> &[f32];
     /// Whether the lane's episode has ended.
     fn ended(&self, lane: usize) -> bool;
-    /// The episode that runs, if there has been a reset.
+    /// The episode that runs, unless the lane has never been reset.
     fn episode(&self, lane: usize) -> Option<&Episode>;
-    /// The lane's state, if there has been a reset.
+    /// The lane's state, unless it has never been reset.
     fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment>;
-    /// Puts a saved state into the lane.
-    fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches);
+    /// Puts a saved state into the lane; returns whether that had ended and starts anew.
+    fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches) -> bool;
     /// Records the lane from its next reset on.
     fn record(&mut self, lane: usize);
     /// What has been recorded.
@@ -98,9 +98,15 @@ macro_rules! block {
             fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment> {
                 self.environments.save(setup, lane)
             }
-            fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches) {
+            fn restore(
+                &mut self,
+                setup: &Setup,
+                lane: usize,
+                saved: &SavedEnvironment,
+                scratches: &mut Scratches,
+            ) -> bool {
                 let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
-                self.environments.restore(setup, &mut self.model, lane, saved, scratch);
+                self.environments.restore(setup, &mut self.model, lane, saved, scratch)
             }
             fn record(&mut self, lane: usize) {
                 self.environments.record(lane);

@@ -3,6 +3,7 @@
 use std::hint::spin_loop;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use crate::block::{Block, Scratches};
 use crate::environment::Setup;
@@ -10,12 +11,13 @@ use crate::error::{Error, Result};
 use crate::prefetch::{Ahead, prefetch};
 use crate::step_output::StepOutput;
 
-/// Below this many blocks a step runs on the caller's thread: waking helpers costs more than it saves.
-const PARALLEL_FROM: usize = 6;
-/// A thread takes this part of its share of what is left: few portions are handed out, and threads end within a block's time.
+/// Blocks for each thread that is called: waking one up takes as long as stepping a few.
+const BLOCKS_PER_THREAD: usize = 3;
+/// Portions that a thread would cut its share of what is left into. It takes one: few are handed out, and all threads end
+/// within a block's time.
 const PORTIONS: usize = 4;
-/// How often the caller looks whether helpers have finished before it sleeps, some tens of us: waking it up costs as much.
-const LOOKS: usize = 2000;
+/// How long the caller looks whether helpers have finished before it sleeps: falling asleep and waking up takes as long.
+const PATIENCE: Duration = Duration::from_micros(30);
 
 /// Blocks to step, their actions, and where outputs go.
 pub struct Work<'a> {
@@ -61,6 +63,7 @@ impl Work<'_> {
             });
             now.blocks[0].step(setup, now.actions, &mut now.output, scratches, ahead);
         }
+        debug_assert!(self.blocks.is_empty(), "blocks without actions or outputs");
     }
 }
 
@@ -69,6 +72,7 @@ impl Work<'_> {
 pub struct Crew {
     /// The caller's and its helpers.
     threads: usize,
+    patience: Duration,
     /// The caller's.
     pub scratches: Scratches,
     helpers: Option<Helpers>,
@@ -78,46 +82,46 @@ pub struct Crew {
 #[derive(Debug)]
 struct Helpers {
     process: u32,
-    threads: rayon::ThreadPool,
+    pool: rayon::ThreadPool,
     scratches: Vec<Scratches>,
 }
 
 impl Crew {
     /// Helpers start when they are first needed.
     pub fn new(threads: usize) -> Self {
-        Self { threads, scratches: Scratches::default(), helpers: None }
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        // A caller that looks on would keep a helper from its core, if there are too few.
+        let patience = if threads > cores { Duration::ZERO } else { PATIENCE };
+        Self { threads, patience, scratches: Scratches::default(), helpers: None }
     }
 
     /// Steps all blocks.
     pub fn run(&mut self, work: Work<'_>, setup: &Setup) -> Result<()> {
-        let (threads, blocks) = (self.threads, work.blocks.len());
-        if threads == 1 || blocks < PARALLEL_FROM {
+        let called = self.threads.min(work.blocks.len() / BLOCKS_PER_THREAD);
+        if called < 2 {
             work.run(setup, &mut self.scratches);
             return Ok(());
         }
         let work = Mutex::new(work);
         let join = |scratches: &mut Scratches| {
-            let next = || work.lock().unwrap_or_else(PoisonError::into_inner).portion(threads);
+            let next = || work.lock().unwrap_or_else(PoisonError::into_inner).portion(called);
             while let Some(portion) = next() {
                 portion.run(setup, scratches);
             }
         };
-        let Helpers { threads, scratches, .. } = helpers(&mut self.helpers, threads)?;
-        let called = scratches.len().min(blocks - 1);
-        let finished = AtomicUsize::new(0);
-        // The caller starts at once; helpers take what is left when they have woken up.
-        threads.in_place_scope(|scope| {
-            for scratches in &mut scratches[..called] {
+        let Helpers { pool, scratches, .. } = helpers(&mut self.helpers, self.threads)?;
+        let finished = AtomicUsize::new(1);
+        // Helpers join in when they have woken up.
+        pool.in_place_scope(|scope| {
+            for scratches in &mut scratches[..called - 1] {
                 scope.spawn(|_| {
                     join(scratches);
                     finished.fetch_add(1, Ordering::Release);
                 });
             }
             join(&mut self.scratches);
-            for _ in 0..LOOKS {
-                if finished.load(Ordering::Acquire) == called {
-                    break;
-                }
+            let since = Instant::now();
+            while finished.load(Ordering::Acquire) < called && since.elapsed() < self.patience {
                 spin_loop();
             }
         });
@@ -129,13 +133,13 @@ impl Crew {
 fn helpers(slot: &mut Option<Helpers>, threads: usize) -> Result<&mut Helpers> {
     let process = std::process::id();
     if slot.as_ref().is_none_or(|helpers| helpers.process != process) {
-        let threads = rayon::ThreadPoolBuilder::new()
+        let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads - 1)
             .build()
             .map_err(|error| Error::Invalid(format!("cannot start {threads} threads: {error}")))?;
-        let scratches = (0..threads.current_num_threads()).map(|_| Scratches::default()).collect();
-        // The parent's have no threads here; dropping them would wait for them.
-        std::mem::forget(slot.replace(Helpers { process, threads, scratches }));
+        let scratches = (0..pool.current_num_threads()).map(|_| Scratches::default()).collect();
+        // Dropping the parent's could wait for a lock that one of its threads, which are not here, held at the fork.
+        std::mem::forget(slot.replace(Helpers { process, pool, scratches }));
     }
     slot.as_mut().ok_or_else(|| Error::Invalid("no threads".into()))
 }

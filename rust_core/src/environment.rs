@@ -134,6 +134,7 @@ impl<const L: usize> Environments<L> {
             recorder: None,
         };
         environments.start(setup, model, &[true; L], scratch);
+        environments.envs = [Env::default(); L];
         environments
     }
 
@@ -166,9 +167,9 @@ impl<const L: usize> Environments<L> {
         self.envs[lane].ended
     }
 
-    /// The episode that runs in `lane`.
+    /// The episode that runs in `lane`; `None` before its first reset.
     pub fn episode(&self, lane: usize) -> Option<&Episode> {
-        self.simulation.episode(lane)
+        self.simulation.episode(lane).filter(|_| self.envs[lane].episode > 0)
     }
 
     /// Records `lane` from its next reset on.
@@ -231,8 +232,9 @@ impl<const L: usize> Environments<L> {
         episode
     }
 
-    /// The environment in `lane`; `None` before its first episode.
+    /// The environment in `lane`; `None` before its first reset.
     pub fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment> {
+        self.episode(lane)?;
         let size = setup.observation_size();
         Some(SavedEnvironment {
             env: self.envs[lane],
@@ -242,7 +244,8 @@ impl<const L: usize> Environments<L> {
         })
     }
 
-    /// Puts the environment in `lane` where a saved one was; its recording goes on.
+    /// Puts the environment in `lane` where a saved one was; its recording goes on. Where environments are reset in the step
+    /// that ends them, one that had ended starts its next episode: returns whether it did.
     pub fn restore(
         &mut self,
         setup: &Setup,
@@ -250,12 +253,17 @@ impl<const L: usize> Environments<L> {
         lane: usize,
         saved: &SavedEnvironment,
         scratch: &mut Scratch<L>,
-    ) {
+    ) -> bool {
         let episode = self.draw(setup, model, lane, &saved.env);
         self.simulation.restore(model, lane, episode, &saved.walker, scratch);
         self.envs[lane] = saved.env;
         self.actuation.set(lane, saved.actuation.clone());
         self.observation_mut(setup, lane).copy_from_slice(&saved.observation);
+        let restarts = saved.env.ended && setup.autoreset == Autoreset::SameStep;
+        if restarts {
+            self.start(setup, model, &std::array::from_fn(|other| other == lane), scratch);
+        }
+        restarts
     }
 
     /// Pushes the newest frame in front of the older ones.

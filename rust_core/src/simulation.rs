@@ -84,7 +84,8 @@ pub struct SavedWalker {
     disturbance: Progress,
 }
 
-/// Storage that one control period needs: threads share it among their blocks, which keeps those small. Nothing in it lasts.
+/// Storage that one control period needs: threads share it among their blocks, which keeps those small. What is in it counts for
+/// one step of a block.
 #[derive(Clone, Debug)]
 pub struct Scratch<const L: usize> {
     work: Workspace<State<L>>,

@@ -1,5 +1,7 @@
 //! What a step writes.
 
+use crate::environment::Autoreset;
+use crate::error::{Error, Result};
 use crate::prefetch::prefetch;
 use crate::reward::TERMS;
 
@@ -31,6 +33,31 @@ pub struct StepOutput<'a> {
 }
 
 impl StepOutput<'_> {
+    /// An error that names the first array that does not fit so many environments.
+    pub fn check(&self, num_envs: usize, observation_size: usize, autoreset: Autoreset) -> Result<()> {
+        let finals = if autoreset == Autoreset::SameStep { observation_size } else { 0 };
+        let lengths = [
+            ("observations", self.observations.len(), observation_size),
+            ("rewards", self.rewards.len(), 1),
+            ("terminated", self.terminated.len(), 1),
+            ("truncated", self.truncated.len(), 1),
+            ("terms", self.terms.len(), TERMS.len()),
+            ("reasons", self.reasons.len(), 1),
+            ("final_observations", self.final_observations.len(), finals),
+            ("started", self.started.len(), 1),
+            ("episode_returns", self.episode_returns.len(), 1),
+            ("episode_steps", self.episode_steps.len(), 1),
+            ("episode_terms", self.episode_terms.len(), TERMS.len()),
+        ];
+        for (name, length, each) in lengths {
+            if length != each * num_envs {
+                let reason = format!("{name} has {length} entries, must have {each} per environment: {num_envs}");
+                return Err(Error::Invalid(reason));
+            }
+        }
+        Ok(())
+    }
+
     /// Has what a step writes fetched into the caches.
     #[inline(always)]
     pub fn prefetch(&self) {

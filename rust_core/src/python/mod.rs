@@ -200,7 +200,7 @@ impl PyBatch {
         Ok(PyBytes::new(py, &self.batch.save(&indices)?))
     }
 
-    fn set_state(&mut self, state: &[u8], indices: Vec<usize>) -> PyResult<()> {
+    fn set_state(&mut self, state: &[u8], indices: Vec<usize>) -> PyResult<Vec<bool>> {
         Ok(self.batch.restore(&indices, state)?)
     }
 

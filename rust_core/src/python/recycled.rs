@@ -1,6 +1,7 @@
 //! Arrays that are filled again once nobody in Python holds them any longer.
 
 use numpy::ndarray::Dimension;
+use numpy::npyffi::PyArrayObject;
 use numpy::npyffi::flags::NPY_ARRAY_CARRAY;
 use numpy::{Element, PyArray, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
@@ -23,13 +24,13 @@ impl<T: Element, D: Dimension> Recycled<T, D> {
         self.array.clone_ref(py)
     }
 
-    /// Whether nobody else holds it, and nobody who did has changed its shape, type or flags.
+    /// Whether nobody else holds it or can get hold of it, and nobody who did has changed its shape, type or flags.
     pub fn is_free(&self, py: Python<'_>) -> bool {
         let array = self.array.bind(py);
         self.references(py) == 1
             && array.dtype().is(T::get_dtype(py))
             && array.shape() == self.dimensions.slice()
-            && is_writeable_in_c_order(array)
+            && is_as_made(array)
     }
 
     /// Its entries, to be written; an error if somebody holds it.
@@ -37,7 +38,7 @@ impl<T: Element, D: Dimension> Recycled<T, D> {
         if !self.is_free(py) {
             return Err(PyRuntimeError::new_err("an array of the step is still in use"));
         }
-        // SAFETY: the only reference is ours, and borrowed for as long as the slice lives.
+        // SAFETY: the only reference, strong or weak, is ours, and borrowed for as long as the slice lives.
         #[allow(unsafe_code)]
         Ok(unsafe { self.array.bind(py).as_slice_mut() }?)
     }
@@ -50,9 +51,10 @@ impl<T: Element, D: Dimension> Recycled<T, D> {
     }
 }
 
+/// Whether an array can be written in C order, and no weak reference to it can become a strong one.
 #[allow(unsafe_code)]
-fn is_writeable_in_c_order<T, D>(array: &Bound<'_, PyArray<T, D>>) -> bool {
+fn is_as_made<T, D>(array: &Bound<'_, PyArray<T, D>>) -> bool {
     // SAFETY: the array is alive and the interpreter attached.
-    let flags = unsafe { (*array.as_array_ptr()).flags };
-    flags & NPY_ARRAY_CARRAY == NPY_ARRAY_CARRAY
+    let PyArrayObject { flags, weakreflist, .. } = unsafe { &*array.as_array_ptr() };
+    flags & NPY_ARRAY_CARRAY == NPY_ARRAY_CARRAY && weakreflist.is_null()
 }

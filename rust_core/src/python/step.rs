@@ -23,7 +23,7 @@ macro_rules! arrays {
             eventful: bool,
         }
 
-        /// Its arrays.
+        /// The arrays of a step, which its `PyStep` shares.
         struct Arrays {
             $($field: Recycled<$T, $D>,)+
             final_observations: Option<Recycled<f32, Ix2>>,
@@ -132,7 +132,8 @@ impl Arrays {
         for (named, &reason) in self.termination_reasons.entries(py)?.iter_mut().zip(&*output.reasons) {
             let name = &names[usize::from(reason)];
             if !named.is(name) {
-                *named = name.clone_ref(py);
+                // Dropped after the exchange: what somebody has put here may run code of its own when it goes.
+                drop(std::mem::replace(named, name.clone_ref(py)));
             }
         }
         Ok(output.started.contains(&true) || output.reasons.iter().any(|&reason| reason != 0))
