@@ -4,10 +4,11 @@ from importlib import import_module
 from typing import Any
 
 
-def optional(module: str, extra: str = "plot") -> Any:  # noqa: ANN401 - a module has any attributes
-    """Import `module`, or raise a ModuleNotFoundError that names the extra to install."""
+def optional(module: str, extra: str | None = "plot") -> Any:  # noqa: ANN401 - a module has any attributes
+    """Import `module`, or raise a ModuleNotFoundError that names what to install: the extra, or the module itself."""
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        hint = f"pip install 'prosthesis-gym[{extra}]'"
-        raise ModuleNotFoundError(f"{module.partition('.')[0]} is not installed; get it with: {hint}") from error
+        package = module.partition(".")[0]
+        hint = f"pip install {package}" if extra is None else f"pip install 'prosthesis-gym[{extra}]'"
+        raise ModuleNotFoundError(f"{package} is not installed; get it with: {hint}") from error

@@ -134,7 +134,7 @@ def gymnasium_walker2d(seconds: float) -> float:
 
 def envpool_walker2d(seconds: float, threads: int) -> float:
     """Env steps per second of EnvPool's Walker2d-v4, 64 environments a thread."""
-    envpool = optional("envpool", "dev")
+    envpool = optional("envpool", None)
     env = envpool.make("Walker2d-v4", env_type="gymnasium", num_envs=64 * threads, num_threads=threads)
     env.reset()
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (64 * threads, 6))

@@ -16,6 +16,7 @@ from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.state import seal, unseal
 
 Observations = NDArray[np.float32]
+_MOST_WALKERS = 16_777_216
 
 
 def environment_config(
@@ -101,6 +102,8 @@ class Walkers:
         autoreset: Literal["next_step", "same_step", "disabled"] = "next_step",
         threads: int | None = None,
     ) -> None:
+        if not 1 <= num_envs <= _MOST_WALKERS:
+            raise ValueError(f"num_envs = {num_envs} is outside its allowed range [1, {_MOST_WALKERS}]")
         self.terms = RewardTerms(config, reward_terms, num_envs)
         self.batch = _core.Batch(num_envs, self.terms.core_config, autoreset, threads)
         self.num_envs = num_envs

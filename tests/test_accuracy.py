@@ -47,6 +47,7 @@ def test_command_prints_and_saves_every_measure(tmp_path: Path, capsys: pytest.C
     with out.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert {row["measure"] for row in rows} >= {"stride_time_s", "peak_tube_force_bw", "knee_power_w"}
+    assert all(row["measure"] in printed for row in rows if row["measure"].startswith("peak_"))
 
 
 @pytest.mark.parametrize("solver", ["rk4:", "rk4:x", "rk4:5", "euler:5"])

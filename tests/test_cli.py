@@ -263,7 +263,25 @@ def test_bench_measures_every_size(capsys: pytest.CaptureFixture[str]) -> None:
     assert "memory per walker" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("arguments", [["--seconds", "0"], ["--threads", "0"], ["--walkers", "0"]])
+def test_bench_says_which_peers_are_not_installed(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("mujoco", "mujoco.rollout", "imageio", "envpool"):
+        monkeypatch.setitem(sys.modules, module, None)
+    arguments = ["bench", "--walkers", "1", "--devices", "damper", "--seconds", "0.01", "--peers"]
+    assert main(arguments) == 0
+    printed = " ".join(capsys.readouterr().out.split())
+    assert "not measured: MuJoCo rollout, the same mechanism, 0.5 ms: mujoco is not installed" in printed
+    assert "get it with: pip install 'prosthesis-gym[dev]'" in printed
+    assert "get it with: pip install envpool" in printed
+
+
+def test_mean_powers_of_a_knee_without_a_motor_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["walk", "--window", "1", "2"]) == 2
+    assert "--window is for a motor knee, and this one is 'damper'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["--seconds", "0"], ["--threads", "0"], ["--walkers", "0"], ["--walkers", "-1"]])
 def test_bench_refuses_impossible_arguments(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "--seconds", "0.05", *arguments]) == 2
     assert capsys.readouterr().err.startswith("prosthesis-gym: error: ")

@@ -11,6 +11,7 @@ import pytest
 from prosthesis_gym import _core
 from prosthesis_gym.config import Config, apply_settings, load_config, merge, resolve
 from prosthesis_gym.devices import DEVICES
+from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 
 @pytest.mark.parametrize(
@@ -147,3 +148,8 @@ def test_files_are_checked_when_they_are_read(tmp_path: Path) -> None:
 def test_bad_batch_arguments_are_named(arguments: tuple[Any, ...], complaint: str) -> None:
     with pytest.raises(ValueError, match=re.escape(complaint)):
         _core.Batch(*arguments)
+
+
+def test_a_negative_number_of_environments_is_named() -> None:
+    with pytest.raises(ValueError, match=re.escape("num_envs = -3 is outside its allowed range [1, 16777216]")):
+        ProsthesisVectorEnv(-3)

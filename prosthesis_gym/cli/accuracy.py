@@ -79,9 +79,10 @@ def _name(solver: Config) -> str:
 
 def _gait_table(name: str, errors: list[GaitError]) -> Table:
     columns = sorted({(error.device, error.speed_m_s) for error in errors})
-    table = Table("measure", title=f"{name}: error of steady gait, %", box=box.SIMPLE_HEAD)
+    table = Table(title=f"{name}: error of steady gait, %, by speed in m/s", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("measure", no_wrap=True)
     for device, speed in columns:
-        table.add_column(f"{device} {speed:g} m/s", justify="right")
+        table.add_column(f"{device}\n{speed:g}", justify="right")
     cells = {(error.measure, error.device, error.speed_m_s): error for error in errors}
     for measure in dict.fromkeys(error.measure for error in errors):
         row = [cells.get((measure, *column)) for column in columns]

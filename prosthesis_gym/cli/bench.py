@@ -110,7 +110,7 @@ def run(arguments: argparse.Namespace) -> None:
     ]
     results = measure(settings, arguments.seconds)
     memory = memory_per_walker_kib()
-    peers = measure_peers(arguments.seconds, max(threads)) if arguments.peers else {}
+    peers, missing = measure_peers(arguments.seconds, max(threads)) if arguments.peers else ({}, [])
     if arguments.json:
         entries = [asdict(result) for result in results]
         print(json.dumps({"machine": machine, "results": entries, "kib_per_walker": memory, "peers": peers}, indent=2))
@@ -119,6 +119,8 @@ def run(arguments: argparse.Namespace) -> None:
     console.print(f"memory per walker: {memory:.1f} KiB")
     if peers:
         console.print(_peer_table(peers, max(result.env_steps_per_s for result in results)))
+    for reason in missing:
+        console.print(f"not measured: {reason}", markup=False)
 
 
 def measure(settings: Sequence[Setting], seconds: float) -> list[Result]:
@@ -174,22 +176,25 @@ def guard() -> None:
         raise SystemExit(f"less than {GUARD_RATIO}: the hot loops are no vector code any more")
 
 
-def measure_peers(seconds: float, threads: int) -> dict[str, float]:
-    """Env steps per second of other simulators, as far as they are installed."""
+def measure_peers(seconds: float, threads: int) -> tuple[dict[str, float], list[str]]:
+    """Return env steps per second of other simulators, and why some were not measured."""
+    rates: dict[str, float] = {}
+    missing: list[str] = []
     simulators: dict[str, Callable[[], float]] = {
         "MuJoCo rollout, the same mechanism, 0.5 ms": lambda: peers.mujoco_rollout(seconds, threads),
         "Gymnasium Walker2d-v5, one environment": lambda: peers.gymnasium_walker2d(seconds),
         "EnvPool Walker2d-v4": lambda: peers.envpool_walker2d(seconds, threads),
     }
-    rates = {}
     for name, rate in simulators.items():
-        with contextlib.suppress(ModuleNotFoundError):
+        try:
             rates[name] = rate()
+        except ModuleNotFoundError as error:
+            missing.append(f"{name}: {error}")
     with contextlib.suppress(ModuleNotFoundError):
         step_s = peers.mujoco_step_of(peers.STEADY_ERROR)
         name = f"the same at our steady error of {peers.STEADY_ERROR:.2%}, {1e3 * step_s:g} ms"
         rates[name] = peers.mujoco_rollout(seconds, threads, step_s)
-    return rates
+    return rates, missing
 
 
 def _table(results: list[Result]) -> Table:

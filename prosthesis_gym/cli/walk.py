@@ -9,6 +9,7 @@ from rich.table import Table
 
 from prosthesis_gym.cli.parsers import Commands, check_overwrite, new_parser
 from prosthesis_gym.cli.trial_options import add_controller_option, add_trial_options, configure
+from prosthesis_gym.config import resolve
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
 from prosthesis_gym.trial import Trial, check_trial_path, run_trial, save_trial
@@ -69,6 +70,9 @@ def run(arguments: argparse.Namespace) -> None:
     """Simulate, then write and print."""
     _check_outputs(arguments)
     config, policy = configure(arguments)
+    device = resolve(config)["device"]["kind"]
+    if arguments.window is not None and device != "motor":
+        raise ValueError(f"--window is for a motor knee, and this one is {device!r}; choose it with --device motor")
     trial = run_trial(config, policy=policy, seed=arguments.seed)
     powers = None if arguments.window is None else mean_powers(trial, *arguments.window)
     if arguments.out:
