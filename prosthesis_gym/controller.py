@@ -97,7 +97,13 @@ class SensorController:
         readings = dict(zip(self._names, np.asarray(observations, dtype=np.float64).T, strict=True))
         for name in ("last_command", "state_machine_command"):
             readings[name] = readings[name] * self._full
-        commands = np.broadcast_to(np.asarray(self._command(readings), dtype=np.float64), len(observations))
+        returned = np.asarray(self._command(readings))
+        if returned.dtype.kind not in "fiu" or returned.shape not in ((), (len(observations),)):
+            raise ValueError(
+                f"the controller's function returned shape {returned.shape} and dtype {returned.dtype}, "
+                f"must return numbers of shape ({len(observations)},), or one for all"
+            )
+        commands = np.broadcast_to(returned.astype(np.float64), len(observations))
         if not np.isfinite(commands).all():
             raise ValueError(f"command = {commands[~np.isfinite(commands)][0]} must be a finite number")
         if self.device == "motor":

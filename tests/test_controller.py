@@ -65,5 +65,9 @@ def test_impossible_controllers_are_explained() -> None:
         run_trial({"device": {"kind": "damper"}}, policy=SensorController(lambda _: 0.0, "motor"))
     with pytest.raises(ValueError, match="command = nan must be a finite number"):
         run_trial(WALK, policy=SensorController(lambda _: float("nan")))
-    with pytest.raises(ValueError, match="broadcast"):
+    with pytest.raises(
+        ValueError, match=r"returned shape \(3,\) and dtype float64, must return numbers of shape \(1,\)"
+    ):
         run_trial(WALK, policy=SensorController(lambda _: np.zeros(3)))
+    with pytest.raises(ValueError, match=r"returned shape \(\) and dtype object"):
+        run_trial(WALK, policy=SensorController(lambda _: None))  # type: ignore[arg-type, return-value]
