@@ -14,6 +14,7 @@ class ParameterDoc(TypedDict):
     doc: str
 
 TERMS: list[str]
+MOST_ENVIRONMENTS: int
 REASONS: list[str]
 
 def parameters() -> list[ParameterDoc]: ...

@@ -16,7 +16,6 @@ from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.state import seal, unseal
 
 Observations = NDArray[np.float32]
-_MOST_WALKERS = 16_777_216
 
 
 def environment_config(
@@ -102,8 +101,8 @@ class Walkers:
         autoreset: Literal["next_step", "same_step", "disabled"] = "next_step",
         threads: int | None = None,
     ) -> None:
-        if not 1 <= num_envs <= _MOST_WALKERS:
-            raise ValueError(f"num_envs = {num_envs} is outside its allowed range [1, {_MOST_WALKERS}]")
+        if not 1 <= num_envs <= _core.MOST_ENVIRONMENTS:  # before terms of one's own make room for them
+            raise ValueError(f"num_envs = {num_envs} is outside its allowed range [1, {_core.MOST_ENVIRONMENTS}]")
         self.terms = RewardTerms(config, reward_terms, num_envs)
         self.batch = _core.Batch(num_envs, self.terms.core_config, autoreset, threads)
         self.num_envs = num_envs

@@ -70,8 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Simulate, then write and print."""
     _check_outputs(arguments)
     config, policy = configure(arguments)
-    device = resolve(config)["device"]["kind"]
-    if arguments.window is not None and device != "motor":
+    if arguments.window is not None and (device := resolve(config)["device"]["kind"]) != "motor":
         raise ValueError(f"--window is for a motor knee, and this one is {device!r}; choose it with --device motor")
     trial = run_trial(config, policy=policy, seed=arguments.seed)
     powers = None if arguments.window is None else mean_powers(trial, *arguments.window)

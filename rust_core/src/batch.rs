@@ -13,6 +13,8 @@ use crate::snapshot;
 use crate::statistics::Normaliser;
 use crate::step_output::StepOutput;
 
+/// Environments of a batch, at most.
+pub const MOST_ENVIRONMENTS: usize = 16_777_216;
 /// Below this many walkers a block holds one: a half-empty wide block is slower than scalar code.
 const SCALAR_BELOW: usize = 4;
 
@@ -34,7 +36,7 @@ pub struct Batch {
 impl Batch {
     /// Environments with one configuration, all waiting for [`reset`](Self::reset). `threads = 0` takes all cores.
     pub fn new(num_envs: usize, config: Config, autoreset: Autoreset, threads: usize) -> Result<Self> {
-        within(1.0, 16_777_216.0).check("num_envs", num_envs as f64, "")?;
+        within(1.0, MOST_ENVIRONMENTS as f64).check("num_envs", num_envs as f64, "")?;
         within(0.0, 1024.0).check("threads", threads as f64, "")?;
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let setup = Setup::new(config, autoreset)?;

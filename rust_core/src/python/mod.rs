@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use serde::de::DeserializeOwned;
 
-use crate::batch::Batch;
+use crate::batch::{Batch, MOST_ENVIRONMENTS};
 use crate::config::Config;
 use crate::disturbance::Push;
 use crate::environment::Autoreset;
@@ -313,6 +313,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(action_size, module)?)?;
     module.add_function(wrap_pyfunction!(dynamics::walker_joints_of, module)?)?;
     module.add("TERMS", TERMS.to_vec())?;
+    module.add("MOST_ENVIRONMENTS", MOST_ENVIRONMENTS)?;
     module.add("REASONS", REASONS.to_vec())?;
     Ok(())
 }
