@@ -234,14 +234,7 @@ impl Memory {
         self.state_start = time;
     }
 
-    fn start_residual_step(
-        &mut self,
-        next: ResidualState,
-        params: &HumanParams,
-        time: f64,
-        hip_x: f64,
-        speed: f64,
-    ) {
+    fn start_residual_step(&mut self, next: ResidualState, params: &HumanParams, time: f64, hip_x: f64, speed: f64) {
         let travel = hip_x - self.step_start_x;
         if self.residual == ResidualState::StepCycle {
             // Who has been pushed back expects to get on all the same: no cycle lasts no time, or less.
