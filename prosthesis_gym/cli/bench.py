@@ -247,7 +247,8 @@ def _gains(results: list[Result]) -> Iterator[str]:
     for r in results:
         alone = single.get((r.device, r.mode, r.walkers))
         if r.threads > 1 and alone is not None:
-            yield f"{r.device}, {r.mode}, {r.walkers:,} walkers: {r.threads} threads {r.env_steps_per_s / alone:.2f} times one"
+            ratio = r.env_steps_per_s / alone
+            yield f"{r.device}, {r.mode}, {r.walkers:,} walkers: {r.threads} threads make {ratio:.2f} times the steps of one"
 
 
 def _peer_table(rates: dict[str, float], ours: float) -> Table:
