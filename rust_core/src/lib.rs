@@ -43,11 +43,15 @@ pub mod block;
 pub mod config;
 mod crew;
 pub mod environment;
+pub mod feasibility;
+mod idle;
 pub mod judgement;
+mod memory;
 #[cfg(feature = "python")]
 mod python;
 pub mod recorder;
 pub mod reward;
+pub mod shared;
 pub mod snapshot;
 pub mod statistics;
 pub mod step_output;
