@@ -31,6 +31,8 @@ pub struct Batch {
     num_envs: usize,
     /// The first environment that has never been reset.
     unborn: Option<usize>,
+    /// Memory that was there for it when it was made.
+    bytes: u64,
     /// The environment that is recorded.
     recorded: Option<usize>,
     crew: Crew,
@@ -57,7 +59,7 @@ impl Batch {
             blocks.push(blocks[0].duplicate());
         }
         let crew = Crew::new(threads);
-        Ok(Self { setup, blocks, width, num_envs, unborn: Some(0), recorded: None, crew, normaliser: None })
+        Ok(Self { setup, blocks, width, num_envs, unborn: Some(0), bytes, recorded: None, crew, normaliser: None })
     }
 
     /// Number of environments.
@@ -68,6 +70,11 @@ impl Batch {
     /// Memory of an environment in its block, without what its episode's profile and pushes hold.
     pub fn bytes_per_walker(&self) -> usize {
         self.blocks.first().map_or(0, |block| block.bytes() / self.width)
+    }
+
+    /// Memory of all environments with all that they may come to hold, and of what two steps give.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Length of an observation.

@@ -6,10 +6,13 @@
 
 use crate::config::{Config, MOST_STEPS};
 use crate::error::{Error, Result};
+use crate::human_prosthesis::STANDING_KNEE_DEG;
 use crate::integrator::Stepper;
+use crate::prosthesis_device::end_stop::{EndStop, EndStopParams, extension_stop};
 use crate::prosthesis_device::socket::{SocketParams, socket};
 use crate::prosthesis_device::spring_damper::Connection;
 use crate::prosthesis_device::tube::{TubeParams, tube};
+use crate::scenario::StartChoice;
 use crate::signals::CONTROL_PERIOD_S;
 
 /// All walkers whose numbers lie between those of `low` and `high`, which differ in nothing else.
@@ -21,8 +24,8 @@ pub struct Span<'a> {
     pub high: &'a Config,
 }
 
-/// An angle's span is cut into so many parts, over each of which sines and cosines are bounded.
-const PARTS: u32 = 8;
+/// Torque of the extension stop at a start, N m, at most: several times that of walking.
+const MOST_STOP_NM: f64 = 1000.0;
 
 impl<'a> Span<'a> {
     /// One walker.
@@ -34,6 +37,7 @@ impl<'a> Span<'a> {
     pub fn check(&self) -> Result<()> {
         self.check_human()?;
         self.check_stops()?;
+        self.check_start()?;
         self.check_sole()?;
         self.check_stairs()?;
         self.check_touch_down()?;
@@ -64,6 +68,31 @@ impl<'a> Span<'a> {
             "end_stop.flexion_angle_deg = {} must lie above end_stop.extension_angle_deg + end_stop.thickness_deg = {}",
             text(flexion),
             text(extension)
+        )))
+    }
+
+    /// An episode must not start with a knee so far in the extension stop that it is thrown out of it.
+    fn check_start(&self) -> Result<()> {
+        let start = self.low.scenario.start;
+        let standing = (start != StartChoice::Cyclic).then_some(STANDING_KNEE_DEG);
+        let cyclic = (start != StartChoice::Standing).then_some(self.low.human.touch_down_knee_deg);
+        let knee = standing.into_iter().chain(cyclic).fold(f64::INFINITY, f64::min);
+        let stop = EndStopParams {
+            extension_angle_deg: self.high.end_stop.extension_angle_deg,
+            half_compression_torque_nm: self.high.end_stop.half_compression_torque_nm,
+            ..self.low.end_stop.clone()
+        };
+        let torque = extension_stop(&EndStop::from(&stop), knee.to_radians(), 0.0).torque;
+        let compression = (stop.extension_angle_deg - knee) / stop.thickness_deg;
+        if compression <= 0.5 && torque <= MOST_STOP_NM {
+            return Ok(());
+        }
+        Err(Error::Invalid(format!(
+            "end_stop.extension_angle_deg = {} must leave room for the knee at an episode's start, whose flexion may be {knee} deg \
+             ({STANDING_KNEE_DEG} standing, human.touch_down_knee_deg at a cyclic start): no more than half of end_stop.thickness_deg = {} may be \
+             compressed there, by no more than {MOST_STOP_NM} N m",
+            text(self.ends(|config| config.end_stop.extension_angle_deg)),
+            text(self.ends(|config| config.end_stop.thickness_deg)),
         )))
     }
 
@@ -112,18 +141,29 @@ impl<'a> Span<'a> {
     /// The pendulum's angle of attack is that whose cosine is the hip's height at touch-down over the leg's length: in the
     /// posture at touch-down the heel must be below the hip, by less than that length.
     fn check_touch_down(&self) -> Result<()> {
-        let angle = |degrees: fn(&Config) -> f64| {
-            let [low, high] = self.ends(|config| degrees(config).to_radians());
-            let parts = if low == high { 1 } else { PARTS };
+        let angles: [fn(&Config) -> f64; 3] = [
+            |config| config.human.thigh_flexion_deg,
+            |config| config.human.touch_down_knee_deg,
+            |config| config.body.foot_mount_deg,
+        ];
+        // Spans of angles are cut into parts, over each of which sines and cosines are bounded.
+        let most_parts = match angles.iter().filter(|angle| angle(self.low) != angle(self.high)).count() {
+            0 | 1 => 64,
+            2 => 24,
+            _ => 12,
+        };
+        let parts = |angle: fn(&Config) -> f64| {
+            let [low, high] = self.ends(|config| angle(config).to_radians());
+            let parts = if low == high { 1 } else { most_parts };
             (0..parts).map(move |i| {
-                let at = |i: u32| low + (high - low) * f64::from(i) / f64::from(parts);
+                let at = move |i: u32| low + (high - low) * f64::from(i) / f64::from(parts);
                 [at(i), if parts == 1 { high } else { at(i + 1) }]
             })
         };
         let [mut lost, mut height] = [f64::INFINITY; 2];
-        for thigh in angle(|config| config.human.thigh_flexion_deg) {
-            for knee in angle(|config| config.human.touch_down_knee_deg) {
-                for mount in angle(|config| config.body.foot_mount_deg) {
+        for thigh in parts(angles[0]) {
+            for knee in parts(angles[1]) {
+                for mount in parts(angles[2]) {
                     let [lost_here, height_here] = self.touch_down(thigh, knee, mount);
                     (lost, height) = (lost.min(lost_here), height.min(height_here));
                 }
@@ -139,9 +179,9 @@ impl<'a> Span<'a> {
         Err(Error::Invalid(format!(
             "human.thigh_flexion_deg = {}, human.touch_down_knee_deg = {} and body.foot_mount_deg = {} with body.heel_x_m = {} \
              must put the heel below the hip, by less than the leg is long: at touch-down {}",
-            span(|config| config.human.thigh_flexion_deg),
-            span(|config| config.human.touch_down_knee_deg),
-            span(|config| config.body.foot_mount_deg),
+            span(angles[0]),
+            span(angles[1]),
+            span(angles[2]),
             span(|config| config.body.heel_x_m),
             if lost > rounding { "the heel may be above it" } else { "it may be as far below or farther" }
         )))

@@ -47,6 +47,9 @@ pub fn reason(walkers: &Span<'_>, key: &str) -> Option<&'static str> {
         "human" if TRUNK_IMPEDANCE.contains(&key) => {
             (config.mechanism.trunk == JointDrive::Inverse).then_some("mechanism.trunk = inverse")
         }
+        "body" if rest == "trunk_inertia_kg_m2" => {
+            (config.mechanism.trunk == JointDrive::Inverse).then_some("mechanism.trunk = inverse")
+        }
         "body" if rest == "sole_radius_m" => (config.body.sole_points == 2).then_some("body.sole_points = 2"),
         "ground" => {
             let no_step = never(|config| config.ground.step_height_m);

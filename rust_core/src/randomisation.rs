@@ -134,8 +134,12 @@ impl Randomiser {
         for (index, (variant, span)) in variants.iter().zip(&spans[1..]).enumerate() {
             for key in leaves(variant) {
                 let same = key.starts_with("termination.") && key != TERMINATION;
-                let idle =
-                    if same { Some("it is the same for all walkers") } else { idle::reason(&span.as_span(), &key) };
+                let idle = match idle::reason(&span.as_span(), &key) {
+                    _ if same => Some("it is the same for all walkers"),
+                    // A body is described whole, whatever of it moves a leg.
+                    _ if key.starts_with("body.") => None,
+                    reason => reason,
+                };
                 if let Some(reason) = idle {
                     let key = format!("scenario.variants[{index}].{key}");
                     return Err(Error::Schema { key, reason: format!("would change nothing: {reason}") });

@@ -33,6 +33,7 @@ pub(super) struct PyBatch {
     batch: Shared<Batch>,
     outputs: Outputs,
     shape: Shape,
+    bytes: u64,
     bytes_per_walker: usize,
     solver_steps: usize,
 }
@@ -62,6 +63,7 @@ impl PyBatch {
         Ok(Self {
             outputs: Outputs::new(py),
             shape: Shape { num_envs, observation_size: batch.observation_size(), autoreset },
+            bytes: batch.bytes(),
             bytes_per_walker: batch.bytes_per_walker(),
             solver_steps: batch.solver_steps(),
             batch: Shared::new(batch),
@@ -72,6 +74,12 @@ impl PyBatch {
     #[getter]
     fn bytes_per_walker(&self) -> usize {
         self.bytes_per_walker
+    }
+
+    /// Memory of all environments with all that they may come to hold, and of what two steps give, bytes.
+    #[getter]
+    fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Steps of the integration per control period.
