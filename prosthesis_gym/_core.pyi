@@ -1,5 +1,9 @@
-"""Rust core: batched walkers behind one class. Arrays are C-contiguous; see `Batch` for shapes."""
+"""Rust core: batched walkers behind one class. Arrays are C-contiguous; see `Batch` for shapes.
 
+Whatever is given, a call works or raises; it never ends the process.
+"""
+
+import builtins
 from collections.abc import Mapping
 from typing import Any, Literal, TypedDict
 
@@ -13,6 +17,9 @@ class ParameterDoc(TypedDict):
     range: str
     doc: str
 
+class InternalError(RuntimeError):
+    """A fault of prosthesis_gym itself, which no input should cause: please report it."""
+
 TERMS: list[str]
 MOST_ENVIRONMENTS: int
 REASONS: list[str]
@@ -23,6 +30,8 @@ def channel_groups(config: Mapping[str, Any]) -> list[str]: ...
 def action_size(config: Mapping[str, Any]) -> int: ...
 def resolve(config: Mapping[str, Any]) -> dict[str, Any]: ...
 def walker_joints(config: Mapping[str, Any]) -> list[dict[str, Any]]: ...
+def forked() -> None:
+    """To be called in every process that has been forked off; Python's own forks do."""
 
 class Chain:
     """Rows of states in, rows of results out, C-contiguous; a load is (body, points (rows, 2), forces (rows, 2))."""
@@ -113,6 +122,16 @@ class Step:
         """(N, T): sums of its terms; the rows that count are those of episodes that have ended."""
 
 class Batch:
+    """N environments. Any thread may call it: threads take turns, and wait without the interpreter.
+
+    In a process that was forked off while a thread had its turn, it is a RuntimeError to use it: that turn never ends.
+
+    Raises:
+        ValueError: an impossible argument; more environments than there is memory for.
+        InternalError: a fault of the core. The batch may be half changed then, and refuses to go on (RuntimeError).
+
+    """
+
     def __init__(
         self,
         num_envs: int,
@@ -133,13 +152,23 @@ class Batch:
         """
 
     @property
+    def bytes(self) -> int:
+        """Memory of all environments with all that they may come to hold, and of what two steps give."""
+
+    @property
     def bytes_per_walker(self) -> int: ...
     @property
     def observation_size(self) -> int: ...
     def reset(
         self, seeds: NDArray[np.uint64] | None = None, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]: ...
-    def step(self, actions: NDArray[np.float64]) -> Step: ...
+    def step(self, actions: NDArray[np.float64]) -> Step:
+        """Take flat actions (N * action size,): those beyond [-1, 1] are limited, infinite ones too.
+
+        Raises:
+            ValueError: an action is NaN, or an environment has not been reset.
+
+        """
     def normalise_observations(self, clip: float = 10.0, epsilon: float = 1e-8) -> None:
         """Return observations less their running mean over their running deviation, within +-clip, from now on.
 
@@ -159,12 +188,17 @@ class Batch:
 
     @difficulty.setter
     def difficulty(self, difficulty: float) -> None: ...
-    def get_state(self, indices: list[int]) -> bytes: ...
-    def set_state(self, state: bytes, indices: list[int]) -> list[bool]:
+    def get_state(self, indices: list[int]) -> builtins.bytes: ...
+    def set_state(self, state: builtins.bytes, indices: list[int]) -> list[bool]:
         """Return which of them had ended and start anew, as with autoreset "same_step" they do."""
 
-    def record(self, index: int) -> None: ...
-    def recording(self) -> dict[str, NDArray[np.float64]]: ...
+    def record(self, index: int) -> None:
+        """Record environment `index` at 200 Hz from its next reset on, and no other any longer: the last call counts."""
+
+    def recording(self) -> dict[str, NDArray[np.float64]]:
+        """Return what has been recorded since the last reset of the recorded environment: one array per column."""
+
     def snapshot(self, index: int) -> dict[str, float]: ...
     def ground_height(self, index: int, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
-    def events(self) -> dict[str, NDArray[Any]]: ...
+    def events(self) -> dict[str, NDArray[Any]]:
+        """Return the foot strikes of the recording."""

@@ -248,7 +248,8 @@ def _gains(results: list[Result]) -> Iterator[str]:
         alone = single.get((r.device, r.mode, r.walkers))
         if r.threads > 1 and alone is not None:
             ratio = r.env_steps_per_s / alone
-            yield f"{r.device}, {r.mode}, {r.walkers:,} walkers: {r.threads} threads make {ratio:.2f} times the steps of one"
+            setting = f"{r.device}, {r.mode}, {r.walkers:,} walkers"
+            yield f"{setting}: {r.threads} threads make {ratio:.2f} times the steps of one"
 
 
 def _peer_table(rates: dict[str, float], ours: float) -> Table:

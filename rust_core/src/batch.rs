@@ -1,10 +1,11 @@
 //! N environments: a batch.
 
-use crate::block::{Block, LANES, blocks};
+use crate::block::{Block, LANES, block};
 use crate::config::Config;
 use crate::crew::{Crew, Work};
 use crate::environment::{Autoreset, Setup};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::params::within;
 use crate::randomisation::Randomiser;
 use crate::recorder::{Recorder, Row};
@@ -16,6 +17,8 @@ use crate::step_output::StepOutput;
 
 /// Environments of a batch, at most.
 pub const MOST_ENVIRONMENTS: usize = 16_777_216;
+/// Outputs of steps that a caller holds at a time: those of the last step while the next is taken.
+const OUTPUTS_HELD: usize = 2;
 /// Below this many walkers a block holds one: a half-empty wide block is slower than scalar code.
 const SCALAR_BELOW: usize = 4;
 
@@ -29,21 +32,35 @@ pub struct Batch {
     num_envs: usize,
     /// The first environment that has never been reset.
     unborn: Option<usize>,
+    /// Memory that was there for it when it was made.
+    bytes: u64,
+    /// The environment that is recorded.
+    recorded: Option<usize>,
     crew: Crew,
     /// Statistics of the observations, where they are normalised.
     pub normaliser: Option<Normaliser>,
 }
 
 impl Batch {
-    /// Environments with one configuration, all waiting for [`reset`](Self::reset). `threads = 0` takes all cores.
+    /// Environments with one configuration, all waiting for [`reset`](Self::reset). `threads = 0` takes all cores. An error if
+    /// there is not enough memory for them.
     pub fn new(num_envs: usize, config: Config, autoreset: Autoreset, threads: usize) -> Result<Self> {
         within(1.0, MOST_ENVIRONMENTS as f64).check("num_envs", num_envs as f64, "")?;
         within(0.0, 1024.0).check("threads", threads as f64, "")?;
         let threads = if threads == 0 { std::thread::available_parallelism().map_or(1, usize::from) } else { threads };
         let setup = Setup::new(config, autoreset)?;
         let width = if num_envs < SCALAR_BELOW { 1 } else { LANES };
-        let blocks = blocks(&setup, width, num_envs.div_ceil(width));
-        Ok(Self { setup, blocks, width, num_envs, unborn: Some(0), crew: Crew::new(threads), normaliser: None })
+        let (first, count) = (block(&setup, width), num_envs.div_ceil(width));
+        let outputs = StepOutput::bytes_per_environment(setup.observation_size(), autoreset);
+        let bytes = (count * first.most_bytes(&setup) + num_envs * OUTPUTS_HELD * outputs) as u64;
+        memory::check(&format!("num_envs = {num_envs}"), bytes)?;
+        let mut blocks = Vec::with_capacity(count);
+        blocks.push(first);
+        while blocks.len() < count {
+            blocks.push(blocks[0].duplicate());
+        }
+        let crew = Crew::new(threads);
+        Ok(Self { setup, blocks, width, num_envs, unborn: Some(0), bytes, recorded: None, crew, normaliser: None })
     }
 
     /// Number of environments.
@@ -54,6 +71,11 @@ impl Batch {
     /// Memory of an environment in its block, without what its episode's profile and pushes hold.
     pub fn bytes_per_walker(&self) -> usize {
         self.blocks.first().map_or(0, |block| block.bytes() / self.width)
+    }
+
+    /// Memory of all environments with all that they may come to hold, and of what two steps give.
+    pub fn bytes(&self) -> u64 {
+        self.bytes
     }
 
     /// Length of an observation.
@@ -118,7 +140,8 @@ impl Batch {
         }
     }
 
-    /// Advances every environment by `action.hold` control periods. Actions must be finite.
+    /// Advances every environment by `action.hold` control periods. Actions beyond [-1, 1] are limited, infinite ones too; NaN
+    /// is an error.
     pub fn step(&mut self, actions: &[f64], mut output: StepOutput<'_>) -> Result<()> {
         self.step_raw(actions, output.reborrow())?;
         if let Some(normaliser) = &mut self.normaliser {
@@ -140,8 +163,8 @@ impl Batch {
                 format!("actions have {} entries, must have {size} per environment: {}", actions.len(), self.num_envs);
             return Err(Error::Invalid(reason));
         }
-        if let Some(index) = actions.iter().position(|action| !action.is_finite()) {
-            let reason = format!("actions[{index}] = {} must be a finite number in [-1, 1]", actions[index]);
+        if let Some(index) = actions.iter().position(|action| action.is_nan()) {
+            let reason = format!("actions[{index}] = NaN must be a number; those beyond [-1, 1] are limited");
             return Err(Error::Invalid(reason));
         }
         if self.setup.autoreset == Autoreset::Disabled
@@ -172,8 +195,8 @@ impl Batch {
 
     /// State of the environments at `indices`: put back, each goes on bit for bit.
     pub fn save(&self, indices: &[usize]) -> Result<Vec<u8>> {
+        self.check_indices(indices)?;
         let saved = indices.iter().map(|&index| {
-            self.check_index(index)?;
             let saved = self.blocks[index / self.width].save(&self.setup, index % self.width);
             saved.ok_or_else(|| Error::Invalid(format!("environment {index} has not been reset yet")))
         });
@@ -187,7 +210,8 @@ impl Batch {
             let reason = format!("state holds {} environments, must hold 1 or {}", saved.len(), indices.len());
             return Err(Error::Invalid(reason));
         }
-        indices.iter().try_for_each(|&index| self.check_index(index))?;
+        self.check_indices(indices)?;
+        saved.iter().try_for_each(|saved| saved.check(&self.setup))?;
         let mut restarts = Vec::with_capacity(indices.len());
         for (&index, saved) in indices.iter().zip(saved.iter().cycle()) {
             let block = &mut self.blocks[index / self.width];
@@ -202,16 +226,24 @@ impl Batch {
         (0..self.num_envs).filter_map(|index| self.blocks[index / self.width].episode(index % self.width))
     }
 
-    /// Records environment `index` at 200 Hz from its next reset on.
+    /// Records environment `index` at 200 Hz from its next reset on, and no other any longer.
     pub fn record(&mut self, index: usize) -> Result<()> {
         self.check_index(index)?;
-        self.blocks[index / self.width].record(index % self.width);
+        let bytes = self.setup.most_samples().saturating_mul(size_of::<Row>() as u64);
+        memory::check(
+            &format!("record({index}) of scenario.duration_s = {} s", self.setup.config.scenario.duration_s),
+            bytes,
+        )?;
+        if let Some(before) = self.recorded.replace(index) {
+            self.blocks[before / self.width].record(None);
+        }
+        self.blocks[index / self.width].record(Some(index % self.width));
         Ok(())
     }
 
-    /// What has been recorded since the last reset of the recorded environment.
+    /// What has been recorded since the last reset of the recorded environment; `None` if none is.
     pub fn recording(&self) -> Option<&Recorder> {
-        self.blocks.iter().find_map(|block| block.recording())
+        self.blocks[self.recorded? / self.width].recording()
     }
 
     /// The present state of environment `index`, as a recorder would append it, less the mean powers.
@@ -229,6 +261,11 @@ impl Batch {
 
     fn check_index(&self, index: usize) -> Result<()> {
         within(0.0, (self.num_envs - 1) as f64).check("index", index as f64, "")
+    }
+
+    fn check_indices(&self, indices: &[usize]) -> Result<()> {
+        within(0.0, self.num_envs as f64).check("number of indices", indices.len() as f64, "")?;
+        indices.iter().try_for_each(|&index| self.check_index(index))
     }
 
     fn check_length(&self, name: &str, length: usize) -> Result<()> {

@@ -37,8 +37,8 @@ pub trait Block: Send + Sync + std::fmt::Debug {
     fn save(&self, setup: &Setup, lane: usize) -> Option<SavedEnvironment>;
     /// Puts a saved state into the lane; returns whether that had ended and starts anew.
     fn restore(&mut self, setup: &Setup, lane: usize, saved: &SavedEnvironment, scratches: &mut Scratches) -> bool;
-    /// Records the lane from its next reset on.
-    fn record(&mut self, lane: usize);
+    /// Records the lane from its next reset on, or none any longer.
+    fn record(&mut self, lane: Option<usize>);
     /// What has been recorded.
     fn recording(&self) -> Option<&Recorder>;
     /// Control periods that had to be integrated again.
@@ -47,8 +47,12 @@ pub trait Block: Send + Sync + std::fmt::Debug {
     fn snapshot(&self, lane: usize) -> Row;
     /// Height of the ground under the lane's walker at `x`, m.
     fn ground_height(&self, lane: usize, x: f64) -> f64;
-    /// Memory of the block.
+    /// Memory of the block, without what its episodes' profiles and pushes hold.
     fn bytes(&self) -> usize;
+    /// Memory of the block with all that it may come to hold.
+    fn most_bytes(&self, setup: &Setup) -> usize;
+    /// Another block like this one.
+    fn duplicate(&self) -> Box<dyn Block>;
     /// The block's memory, to be fetched while another block is stepped.
     fn memory(&self) -> Ahead;
 }
@@ -61,7 +65,7 @@ pub struct Scratches {
 }
 
 /// Environments and the constants of their walkers, which all blocks share.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Walking<const L: usize> {
     model: Arc<Model<L>>,
     environments: Environments<L>,
@@ -111,7 +115,7 @@ macro_rules! block {
                 let scratch = scratches.$scratch.get_or_insert_with(|| Box::new(Scratch::new(&self.model)));
                 self.environments.restore(setup, &mut self.model, lane, saved, scratch)
             }
-            fn record(&mut self, lane: usize) {
+            fn record(&mut self, lane: Option<usize>) {
                 self.environments.record(lane);
             }
             fn recording(&self) -> Option<&Recorder> {
@@ -131,6 +135,13 @@ macro_rules! block {
             }
             fn bytes(&self) -> usize {
                 size_of::<Self>() + size_of_val(self.environments.observations())
+            }
+            fn most_bytes(&self, setup: &Setup) -> usize {
+                let model = if setup.randomiser.is_some() { self.model.bytes() } else { 0 };
+                size_of::<Self>() + self.environments.most_heap_bytes(setup) + model
+            }
+            fn duplicate(&self) -> Box<dyn Block> {
+                Box::new(self.clone())
             }
         }
     };
@@ -152,18 +163,17 @@ vectorised! {
     }
 }
 
-/// `count` blocks of equal walkers, `width` in each: 1 or [`LANES`].
-pub fn blocks(setup: &Setup, width: usize, count: usize) -> Vec<Box<dyn Block>> {
-    if width == 1 { equal::<1>(setup, count) } else { equal::<LANES>(setup, count) }
+/// A block of `width` equal walkers: 1 or [`LANES`].
+pub fn block(setup: &Setup, width: usize) -> Box<dyn Block> {
+    if width == 1 { equal::<1>(setup) } else { equal::<LANES>(setup) }
 }
 
-fn equal<const L: usize>(setup: &Setup, count: usize) -> Vec<Box<dyn Block>>
+fn equal<const L: usize>(setup: &Setup) -> Box<dyn Block>
 where
     Walking<L>: Block + 'static,
 {
     let mut model = Arc::new(Model::new(&setup.config));
     let mut scratch = Scratch::new(&model);
     let environments = Environments::new(setup, &mut model, &mut scratch);
-    let block = || Walking { model: Arc::clone(&model), environments: environments.clone() };
-    (0..count).map(|_| -> Box<dyn Block> { Box::new(block()) }).collect()
+    Box::new(Walking { model, environments })
 }

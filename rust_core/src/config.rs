@@ -4,22 +4,22 @@ use serde::{Deserialize, Serialize};
 
 use crate::compliant_ground::GroundParams;
 use crate::error::{Error, Result};
+use crate::feasibility::Span;
 use crate::human_controller::HumanParams;
 use crate::hybrid_dynamics::body::BodyParams;
 use crate::hybrid_dynamics::general_walker::MechanismParams;
 use crate::integrator::Stepper;
 use crate::params::{ParameterDoc, within};
 use crate::prosthesis_controller::agent::action::ActionMode;
-use crate::prosthesis_controller::agent::{ActionParams, ObservationParams};
+use crate::prosthesis_controller::agent::{ActionParams, ObservationMap, ObservationParams};
 use crate::prosthesis_controller::damper_fsm::DamperFsmParams;
 use crate::prosthesis_controller::motor_fsm::MotorFsmParams;
 use crate::prosthesis_device::constant_friction::ConstantFrictionParams;
 use crate::prosthesis_device::end_stop::EndStopParams;
 use crate::prosthesis_device::geared_motor::GearedMotorParams;
 use crate::prosthesis_device::passive_ankle::AnkleParams;
-use crate::prosthesis_device::socket::{SocketParams, socket};
-use crate::prosthesis_device::spring_damper::Connection;
-use crate::prosthesis_device::tube::{TubeParams, tube};
+use crate::prosthesis_device::socket::SocketParams;
+use crate::prosthesis_device::tube::TubeParams;
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
 use crate::prosthesis_device::{DeviceKind, DeviceParams};
 use crate::randomisation::Randomiser;
@@ -27,7 +27,6 @@ use crate::repetition::ATTEMPTS;
 use crate::reward::RewardParams;
 use crate::scenario::ScenarioParams;
 use crate::sensors::SensorParams;
-use crate::signals::CONTROL_PERIOD_S;
 use crate::termination::TerminationParams;
 
 /// Which stepper advances the continuous system, and in how many steps per control period.
@@ -94,7 +93,8 @@ impl SolverParams {
     }
 }
 
-const MOST_STEPS: f64 = 10_000.0;
+/// Steps per control period, at most.
+pub const MOST_STEPS: f64 = 10_000.0;
 
 macro_rules! tree {
     ($(#[$meta:meta])* pub struct $Name:ident { $($(#[$field_meta:meta])* $field:ident: $kind:ty,)+ }) => {
@@ -177,56 +177,24 @@ impl Config {
     /// Checks every value against its range, and those that must fit together.
     pub fn validate(&self) -> Result<()> {
         self.validate_sections()?;
-        Randomiser::new(self)?;
-        for end in [0.0, 1.0] {
-            let variation = self.scenario.human.at(|| end);
-            self.human.varied(&variation).validate("human (varied by scenario.human)")?;
-        }
         if self.action.mode == ActionMode::Impedance && !self.device.kind.has_motor() {
             return Err(Error::Invalid("action.mode = impedance needs a motor: device.kind = motor".into()));
         }
-        let (stop, body) = (&self.end_stop, &self.body);
-        if stop.extension_angle_deg + stop.thickness_deg >= stop.flexion_angle_deg {
-            return Err(Error::Invalid(format!(
-                "end_stop.flexion_angle_deg = {} must lie above end_stop.extension_angle_deg + end_stop.thickness_deg = {}",
-                stop.flexion_angle_deg,
-                stop.extension_angle_deg + stop.thickness_deg
-            )));
-        }
-        if body.ball_x_m <= body.heel_x_m {
-            return Err(Error::Invalid(format!(
-                "body.ball_x_m = {} must lie ahead of body.heel_x_m = {}",
-                body.ball_x_m, body.heel_x_m
-            )));
-        }
-        let half_sole = 0.5 * (body.ball_x_m - body.heel_x_m);
-        if body.sole_radius_m != 0.0 && body.sole_radius_m < half_sole {
-            return Err(Error::Invalid(format!(
-                "body.sole_radius_m = {} must be 0 (straight) or at least half of heel to ball = {half_sole} m",
-                body.sole_radius_m
-            )));
-        }
-        let ground = &self.ground;
-        if ground.stair_rise_m != 0.0 && ground.edge_m > ground.stair_run_m {
-            return Err(Error::Invalid(format!(
-                "ground.edge_m = {} must not be longer than ground.stair_run_m = {}",
-                ground.edge_m, ground.stair_run_m
-            )));
-        }
-        let (steps, fewest) = (self.steps(), self.explicit_steps());
-        if self.solver.stepper == Stepper::Rk4 && (steps as f64) < fewest {
-            return Err(Error::Invalid(format!(
-                "solver.steps = {steps} must be at least {fewest} for solver.stepper = rk4 with this compliant socket or tube"
-            )));
-        }
+        ObservationMap::new(self).check()?;
+        Span::of(self).check()?;
+        Randomiser::new(self)?;
         Ok(())
     }
 
-    /// Steps of the integration per control period.
+    /// Steps of the integration per control period, as many as any walker needs that may be drawn.
     pub fn steps(&self) -> usize {
         let steps = self.solver.steps_with(self.device.kind);
-        let explicit = self.solver.steps == 0 && self.solver.stepper == Stepper::Rk4;
-        if explicit { steps.max(self.explicit_steps() as usize) } else { steps }
+        if self.solver.steps != 0 || self.solver.stepper != Stepper::Rk4 {
+            return steps;
+        }
+        let drawn = Randomiser::new(self).ok().flatten();
+        let drawn = drawn.iter().flat_map(Randomiser::spans).map(|span| span.as_span().explicit_steps());
+        steps.max(drawn.fold(Span::of(self).explicit_steps(), f64::max) as usize)
     }
 
     /// The solver as it is asked for, and those that repeat a control period in which it diverges: the same stepper in steps
@@ -235,44 +203,8 @@ impl Config {
         const FINER: usize = 4;
         let own = SolverParams { steps: self.steps(), ..self.solver };
         let finer = SolverParams { steps: FINER * own.steps, ..own };
-        let coarsest = SolverParams::REFERENCE.steps.max(self.explicit_steps() as usize);
+        let coarsest = Self { solver: SolverParams { steps: 0, ..SolverParams::REFERENCE }, ..self.clone() }.steps();
         let coarsest = if own.stepper == Stepper::Rk4 { coarsest.max(finer.steps) } else { coarsest };
         [own, finer, SolverParams { steps: FINER * coarsest, ..SolverParams::REFERENCE }]
-    }
-
-    /// Steps per control period below which explicit steps diverge on the dampers of socket and tube.
-    fn explicit_steps(&self) -> f64 {
-        let socket =
-            if self.socket.connection == Connection::Compliant { self.explicit_steps_with_socket() } else { 0.0 };
-        let tube = if self.tube.connection == Connection::Compliant { self.explicit_steps_with_tube() } else { 0.0 };
-        socket.max(tube)
-    }
-
-    /// Measured: with the paper's tilt damping RK4 diverges with 35 steps and agrees with 200 from 40 on.
-    fn explicit_steps_with_socket(&self) -> f64 {
-        const STEPS: f64 = 40.0;
-        const TILT_DAMPING_NMS_RAD: f64 = 531.0;
-        let body = &self.body;
-        let mass = body.trunk_mass_kg + body.thigh_mass_kg + body.calf_mass_kg + body.foot_mass_kg;
-        let [_, tilt] = socket(&self.socket, mass);
-        (STEPS * (tilt.damping / TILT_DAMPING_NMS_RAD).max(1.0)).ceil()
-    }
-
-    /// The fastest decay that contact, damper and spring of the tube can have together on a foot that the tube alone holds,
-    /// over what RK4 bears.
-    fn explicit_steps_with_tube(&self) -> f64 {
-        /// Just below the 2.785 of RK4's real stability interval.
-        const STABILITY: f64 = 2.5;
-        /// Deepest usual penetration, m.
-        const DEPTH: f64 = 0.025;
-        let body = &self.body;
-        let [extension, _] = tube(&self.tube, body.foot_mass_kg, body.foot_inertia_about_tube());
-        let inverse_mass = |x: f64| 1.0 / body.foot_mass_kg + (x - body.foot_com_x_m).powi(2) / body.foot_inertia_kg_m2;
-        let at_end = inverse_mass(body.heel_x_m).max(inverse_mass(body.ball_x_m));
-        let at_ankle = inverse_mass(0.0);
-        let rate = self.ground.damping_ns_m15 * DEPTH.sqrt() * at_end
-            + extension.damping * at_ankle
-            + (extension.stiffness * at_ankle).sqrt();
-        (rate * CONTROL_PERIOD_S / STABILITY).ceil()
     }
 }

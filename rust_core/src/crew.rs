@@ -155,7 +155,7 @@ mod tests {
     use std::sync::mpsc::channel;
 
     use super::*;
-    use crate::block::{LANES, blocks};
+    use crate::block::{LANES, block};
     use crate::config::Config;
     use crate::environment::Autoreset;
     use crate::reward::TERMS;
@@ -166,7 +166,7 @@ mod tests {
     /// Observations of walkers after some steps of a crew.
     fn walk(crew: &mut Crew, steps: usize) -> Vec<f32> {
         let setup = Setup::new(Config::default(), Autoreset::NextStep).unwrap();
-        let mut blocks = blocks(&setup, LANES, BLOCKS);
+        let mut blocks: Vec<_> = (0..BLOCKS).map(|_| block(&setup, LANES)).collect();
         let seeds: Vec<u64> = (0..WALKERS as u64).collect();
         for (block, seeds) in blocks.iter_mut().zip(seeds.chunks(LANES)) {
             block.reset(&setup, &[true; LANES], Some(seeds), &mut crew.scratches);

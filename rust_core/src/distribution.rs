@@ -130,7 +130,8 @@ impl Parameter for Distribution {
         let wrong = match self {
             Self::Fixed(_) | Self::Choice(_) => None,
             Self::Uniform([low, high]) => (low > high).then_some("[low, high] with low <= high"),
-            Self::LogUniform([low, high]) => (*low <= 0.0 || low > high).then_some("[low, high] with 0 < low <= high"),
+            Self::LogUniform([low, high]) => (*low <= 0.0 || low > high || !(high / low).is_finite())
+                .then_some("[low, high] with 0 < low <= high and a finite high / low"),
             Self::Normal([_, deviation]) => (*deviation < 0.0).then_some("[mean, deviation] with deviation >= 0"),
         };
         let error =

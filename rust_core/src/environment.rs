@@ -9,11 +9,14 @@ use std::sync::Arc;
 use rand_pcg::Pcg64;
 
 use crate::config::Config;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::judgement;
 use crate::math::{SPLITMIX_STEP, scramble};
+use crate::params::within;
 use crate::prosthesis_controller::agent::observation::{Sight, Truth};
-use crate::prosthesis_controller::agent::{ActionMap, Actuation, Actuations, ObservationMap};
+use crate::prosthesis_controller::agent::{
+    ActionMap, Actuation, Actuations, CommandScale, CommandScaleLanes, ObservationMap,
+};
 use crate::randomisation::Randomiser;
 use crate::recorder::{self, Recorder, Row};
 use crate::repetition::Repeats;
@@ -57,6 +60,17 @@ pub struct SavedEnvironment {
     walker: SavedWalker,
 }
 
+impl SavedEnvironment {
+    /// An error if it cannot be one of these environments.
+    pub fn check(&self, setup: &Setup) -> Result<()> {
+        within(0.0, 1.0).check("state: difficulty", self.env.difficulty, "")?;
+        if self.observation.len() == setup.observation_size() {
+            return Ok(());
+        }
+        Err(Error::Invalid("state is damaged: its observation has another size".to_owned()))
+    }
+}
+
 /// What all environments of a batch share.
 #[derive(Clone, Debug)]
 pub struct Setup {
@@ -73,6 +87,8 @@ pub struct Setup {
     action: ActionMap,
     observation: ObservationMap,
     last_sample: u64,
+    /// Of samples under way through a walker's sensors, at most.
+    most_sensor_bytes: usize,
 }
 
 impl Setup {
@@ -84,7 +100,20 @@ impl Setup {
         let observation = ObservationMap::new(&config);
         let randomiser = Randomiser::new(&config)?;
         let uneven = randomiser.as_ref().is_some_and(Randomiser::is_uneven);
-        Ok(Self { config, autoreset, difficulty: 1.0, randomiser, uneven, action, observation, last_sample })
+        let drawn =
+            randomiser.iter().flat_map(Randomiser::spans).map(|span| span.as_span().high.sensors.bytes_under_way());
+        let most_sensor_bytes = drawn.fold(config.sensors.bytes_under_way(), usize::max);
+        Ok(Self {
+            config,
+            autoreset,
+            difficulty: 1.0,
+            randomiser,
+            uneven,
+            action,
+            observation,
+            last_sample,
+            most_sensor_bytes,
+        })
     }
 
     /// Length of one environment's observation.
@@ -95,6 +124,11 @@ impl Setup {
     /// How many numbers an action has.
     pub fn action_size(&self) -> usize {
         self.action.size()
+    }
+
+    /// Samples of a whole episode, and the one that it starts with.
+    pub fn most_samples(&self) -> u64 {
+        self.last_sample + self.config.action.hold as u64
     }
 
     fn frame_size(&self) -> usize {
@@ -116,6 +150,7 @@ pub struct Environments<const L: usize> {
     simulation: Simulation<L>,
     envs: [Env; L],
     actuation: Actuations<L>,
+    scale: CommandScaleLanes<L>,
     /// Newest observation of each lane, newest frame first.
     observations: Vec<f32>,
     /// Hip height that counts as a fall, m.
@@ -130,6 +165,7 @@ impl<const L: usize> Environments<L> {
             simulation: Simulation::new(model),
             envs: [Env::default(); L],
             actuation: Actuations::default(),
+            scale: CommandScaleLanes::splat(CommandScale::from(&setup.config)),
             observations: vec![0.0; L * setup.observation_size()],
             fall_height: [setup.config.termination.hip_height_m; L],
             recorder: None,
@@ -178,9 +214,15 @@ impl<const L: usize> Environments<L> {
         self.simulation.repeats
     }
 
-    /// Records `lane` from its next reset on.
-    pub fn record(&mut self, lane: usize) {
-        self.recorder = Some((lane, Recorder::default()));
+    /// Records `lane` from its next reset on, or none any longer.
+    pub fn record(&mut self, lane: Option<usize>) {
+        self.recorder = lane.map(|lane| (lane, Recorder::default()));
+    }
+
+    /// Memory that the block may come to hold beside itself, its recording apart.
+    pub fn most_heap_bytes(&self, setup: &Setup) -> usize {
+        let delayed = L * setup.config.action.delay_samples.next_power_of_two() * size_of::<f64>();
+        size_of_val(self.observations()) + delayed + self.simulation.heap_bytes() + setup.most_sensor_bytes * L
     }
 
     /// What has been recorded since the last reset of the recorded lane.
@@ -233,6 +275,7 @@ impl<const L: usize> Environments<L> {
         if let (Some(randomiser), Some(drawn)) = (randomiser, &episode.drawn) {
             let config = randomiser.config(drawn);
             self.fall_height[lane] = config.termination.hip_height_m;
+            self.scale.set(lane, CommandScale::from(&config));
             Arc::make_mut(model).set(lane, &config, setup.uneven);
         }
         episode
@@ -284,8 +327,8 @@ impl<const L: usize> Environments<L> {
         let sight = Sight {
             lane,
             readings: &simulation.readings,
-            last_command: setup.action.relative(self.actuation.now.command[lane]),
-            state_machine: setup.action.relative(simulation.state_machine_command[lane]),
+            last_command: self.scale.relative(lane, self.actuation.now.command[lane]),
+            state_machine: self.scale.relative(lane, simulation.state_machine_command[lane]),
             phase: simulation.state_machine[lane].phase(),
             truth: &truth,
         };
@@ -318,12 +361,12 @@ impl<const L: usize> Environments<L> {
                 phases[lane] = self.simulation.state_machine[lane].phase();
             }
             let Simulation { readings, state_machine_command, .. } = &self.simulation;
-            let commands =
-                setup.action.commands(&mut self.actuation, actions, readings, &phases, state_machine_command);
+            let (scale, memory) = (&self.scale, &mut self.actuation);
+            let commands = setup.action.commands(scale, memory, actions, readings, &phases, state_machine_command);
             let mut changes = [0.0; L];
             if held == 0 {
                 for lane in 0..L {
-                    changes[lane] = setup.action.relative(self.actuation.now.requested[lane] - before[lane]);
+                    changes[lane] = self.scale.relative(lane, self.actuation.now.requested[lane] - before[lane]);
                 }
             }
             let live = std::array::from_fn(|lane| lane < used && !skipped[lane] && reasons[lane] == Reason::None);

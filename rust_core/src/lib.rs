@@ -44,11 +44,15 @@ pub mod block;
 pub mod config;
 mod crew;
 pub mod environment;
+pub mod feasibility;
+mod idle;
 pub mod judgement;
+mod memory;
 #[cfg(feature = "python")]
 mod python;
 pub mod recorder;
 pub mod reward;
+pub mod shared;
 mod shared_job;
 pub mod snapshot;
 pub mod statistics;

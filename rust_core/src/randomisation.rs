@@ -12,6 +12,8 @@ use serde_json::Value;
 use crate::config::Config;
 use crate::distribution::Distribution;
 use crate::error::{Error, Result};
+use crate::feasibility::Span;
+use crate::idle;
 use crate::params::{Parameter, Range};
 use crate::terrain::Terrain;
 
@@ -90,11 +92,26 @@ pub struct Drawn {
 pub struct Randomiser {
     nominal: Config,
     variants: Vec<Config>,
-    numbers: Vec<(String, Distribution, Range)>,
+    numbers: Vec<(String, Distribution)>,
+}
+
+/// The walkers that may be drawn around one base, the nominal walker or a variant: all between these two.
+#[derive(Clone, Debug)]
+pub struct DrawnSpan {
+    low: Config,
+    high: Config,
+}
+
+impl DrawnSpan {
+    /// To be checked.
+    pub fn as_span(&self) -> Span<'_> {
+        Span { low: &self.low, high: &self.high }
+    }
 }
 
 impl Randomiser {
-    /// What the configuration's scenario asks for; `None` if all episodes have the nominal walker.
+    /// What the configuration's scenario asks for; `None` if all episodes have the nominal walker. An error if any walker that
+    /// may be drawn is impossible, or a parameter would change nothing.
     pub fn new(config: &Config) -> Result<Option<Self>> {
         let (Randomised(numbers), Variants(variants)) = (&config.scenario.randomise, &config.scenario.variants);
         if numbers.is_empty() && variants.is_empty() {
@@ -107,16 +124,71 @@ impl Randomiser {
         let variants = variants.iter().enumerate().map(|(index, variant)| varied(&nominal, index, variant));
         let numbers = numbers.collect::<Result<Vec<_>>>()?;
         let randomiser = Self { variants: variants.collect::<Result<_>>()?, numbers, nominal };
-        for end in 0..2 {
-            let numbers = randomiser.numbers.iter().map(|(_, distribution, _)| distribution.bounds()[end]).collect();
-            randomiser.config(&Drawn { variant: None, numbers }).validate()?;
-        }
+        randomiser.check(&config.scenario.variants)?;
         Ok(Some(randomiser))
+    }
+
+    /// Checks all walkers that may be drawn.
+    fn check(&self, Variants(variants): &Variants) -> Result<()> {
+        let spans: Vec<DrawnSpan> = self.spans().collect();
+        for (index, (variant, span)) in variants.iter().zip(&spans[1..]).enumerate() {
+            for key in leaves(variant) {
+                let same = key.starts_with("termination.") && key != TERMINATION;
+                let idle = match idle::reason(&span.as_span(), &key) {
+                    _ if same => Some("it is the same for all walkers"),
+                    // A body is described whole, whatever of it moves a leg.
+                    _ if key.starts_with("body.") => None,
+                    reason => reason,
+                };
+                if let Some(reason) = idle {
+                    let key = format!("scenario.variants[{index}].{key}");
+                    return Err(Error::Schema { key, reason: format!("would change nothing: {reason}") });
+                }
+            }
+        }
+        for key in self.keys() {
+            let idle: Option<Vec<_>> = spans.iter().map(|span| idle::reason(&span.as_span(), key)).collect();
+            if let Some(reason) = idle.as_ref().and_then(|reasons| reasons.first()) {
+                return Err(Error::Schema {
+                    key: randomised_path(key),
+                    reason: format!("would change nothing: {reason}"),
+                });
+            }
+        }
+        for (index, span) in spans.iter().enumerate() {
+            span.as_span().check().map_err(|error| {
+                let base = index
+                    .checked_sub(1)
+                    .map_or_else(String::new, |variant| format!(" with scenario.variants[{variant}]"));
+                let drawn: Vec<&str> = self.keys().collect();
+                Error::Invalid(format!(
+                    "scenario.randomise of {}{base}, between the configured values and the drawn ones: {error}",
+                    drawn.join(", ")
+                ))
+            })?;
+        }
+        Ok(())
+    }
+
+    /// What may be drawn around the nominal walker and around each variant: any number that the distributions hold, and as
+    /// difficulty eases them, any between that and the base's own.
+    pub fn spans(&self) -> impl Iterator<Item = DrawnSpan> {
+        std::iter::once(&self.nominal).chain(&self.variants).map(|base| {
+            let end = |end: usize, outer: fn(f64, f64) -> f64| {
+                let mut config = base.clone();
+                for (key, distribution) in &self.numbers {
+                    let bound = distribution.bounds()[end];
+                    assign(&mut config, key, number(base, key).map_or(bound, |(nominal, _)| outer(nominal, bound)));
+                }
+                config
+            };
+            DrawnSpan { low: end(0, f64::min), high: end(1, f64::max) }
+        })
     }
 
     /// Keys of the randomised parameters.
     pub fn keys(&self) -> impl Iterator<Item = &str> {
-        self.numbers.iter().map(|(key, ..)| key.as_str())
+        self.numbers.iter().map(|(key, _)| key.as_str())
     }
 
     /// Draws an episode. `difficulty` in [0, 1]: at 0 the nominal walker, at 1 the distributions as they are; between, numbers
@@ -126,9 +198,12 @@ impl Randomiser {
         let varies = odds < difficulty && !self.variants.is_empty();
         let variant = varies.then(|| ((choice * self.variants.len() as f64) as usize).min(self.variants.len() - 1));
         let base = variant.map_or(&self.nominal, |variant| &self.variants[variant]);
-        let draw = |(key, distribution, _): &(String, Distribution, Range)| {
+        let draw = |(key, distribution): &(String, Distribution)| {
             let nominal = number(base, key).map_or(0.0, |(nominal, _)| nominal);
-            eased(nominal, distribution.at(random.random::<f64>()), difficulty)
+            let [low, high] = distribution.bounds();
+            // Rounding must not leave the span that has been checked.
+            let value = distribution.at(random.random::<f64>()).clamp(low, high);
+            eased(nominal, value, difficulty).clamp(nominal.min(low), nominal.max(high))
         };
         let drawn = Drawn { variant, numbers: self.numbers.iter().map(draw).collect() };
         // Read back what the walker makes of them: a count or a seed is a whole number.
@@ -139,7 +214,7 @@ impl Randomiser {
     /// The walker that has been drawn.
     pub fn config(&self, drawn: &Drawn) -> Config {
         let mut config = drawn.variant.map_or(&self.nominal, |variant| &self.variants[variant]).clone();
-        for ((key, ..), &number) in self.numbers.iter().zip(&drawn.numbers) {
+        for ((key, _), &number) in self.numbers.iter().zip(&drawn.numbers) {
             assign(&mut config, key, number);
         }
         config
@@ -148,14 +223,7 @@ impl Randomiser {
     /// Whether any walker may meet ground that is not level.
     pub fn is_uneven(&self) -> bool {
         let uneven = |config: &Config| !Terrain::from(&config.ground).is_level();
-        let randomised = self.numbers.iter().any(|(key, distribution, _)| {
-            distribution.bounds().iter().any(|&bound| {
-                let mut config = self.nominal.clone();
-                assign(&mut config, key, bound);
-                uneven(&config)
-            })
-        });
-        randomised || uneven(&self.nominal) || self.variants.iter().any(uneven)
+        self.spans().any(|span| uneven(&span.low) || uneven(&span.high))
     }
 }
 
@@ -165,9 +233,13 @@ pub fn eased(nominal: f64, value: f64, difficulty: f64) -> f64 {
     if difficulty >= 1.0 { value } else { nominal + difficulty * (value - nominal) }
 }
 
+fn randomised_path(key: &str) -> String {
+    format!("scenario.randomise.\"{key}\"")
+}
+
 /// A randomised parameter, if it is one whose whole distribution is allowed.
-fn checked(nominal: &Config, key: &str, distribution: &Distribution) -> Result<(String, Distribution, Range)> {
-    let path = format!("scenario.randomise.\"{key}\"");
+fn checked(nominal: &Config, key: &str, distribution: &Distribution) -> Result<(String, Distribution)> {
+    let path = randomised_path(key);
     let known = !STRUCTURAL.contains(&key) && (!key.starts_with("termination.") || key == TERMINATION);
     let Some((_, range)) = number(nominal, key).filter(|_| known) else {
         let sections = SECTIONS[..SECTIONS.len() - 1].join(", ");
@@ -180,7 +252,7 @@ fn checked(nominal: &Config, key: &str, distribution: &Distribution) -> Result<(
     for number in distribution.numbers() {
         range.check(&path, number, "")?;
     }
-    Ok((key.to_owned(), distribution.clone(), range))
+    Ok((key.to_owned(), distribution.clone()))
 }
 
 /// The nominal configuration with the changes of a variant, if they make a walker of the same kind.
@@ -202,6 +274,16 @@ fn varied(nominal: &Config, index: usize, variant: &Value) -> Result<Config> {
         return Err(wrong("must not change the walker's joints or contact points".into()));
     }
     Ok(config)
+}
+
+/// Dotted paths of all values.
+fn leaves(value: &Value) -> Vec<String> {
+    let Value::Object(entries) = value else { return vec![String::new()] };
+    let below = |(key, value): (&String, &Value)| {
+        let join = |rest: String| if rest.is_empty() { key.clone() } else { format!("{key}.{rest}") };
+        leaves(value).into_iter().map(join).collect::<Vec<_>>()
+    };
+    entries.iter().flat_map(below).collect()
 }
 
 fn merge(base: &mut Value, changes: &Value) {

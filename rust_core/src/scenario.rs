@@ -61,9 +61,9 @@ params! {
         pushes: ListedPushes = ListedPushes::default(), "", ANY;
         /// Intent and speed over time, a list of {time_s, speed_m_s, walk}; if not empty, in place of the drawn ones. Speed is linear between knots, a step where two share a time.
         profile: Profile = Profile::default(), "", ANY;
-        /// Parameters that every episode draws anew, by their dotted paths: numbers of the sections body, ground, human, knee, motor, friction_knee, end_stop, ankle, socket, tube and sensors.
+        /// Parameters that every episode draws anew, by their dotted paths: numbers of the sections body, ground, human, knee, motor, friction_knee, end_stop, ankle, socket, tube and sensors, and termination.hip_height_m. Every walker that may be drawn must be possible, and every parameter one that its leg has.
         randomise: Randomised = Randomised::default(), "", ANY;
-        /// Sets of parameters of which every episode draws one with equal odds, such as bodies.
+        /// Sets of parameters of which every episode draws one with equal odds, such as bodies; under the same conditions.
         variants: Variants = Variants::default(), "", ANY;
     } sections {
         gust: GustParams,

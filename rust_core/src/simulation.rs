@@ -14,7 +14,7 @@ use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, 
 use crate::integrator::{self, HybridFlow, Workspace};
 use crate::lanes::vectorised;
 use crate::prefetch::Ahead;
-use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
+use crate::prosthesis_controller::{GaitMemory, ReferenceController};
 use crate::repetition::{ATTEMPTS, Moment, Repeats};
 use crate::scenario::Episode;
 use crate::sensors::{self, SensorMemory, Sensors};
@@ -26,18 +26,23 @@ pub struct Model<const L: usize> {
     /// Human, mechanism, ground and device.
     pub plant: human_prosthesis::Model<L>,
     sensors: sensors::Model<L>,
-    reference: ReferenceParams,
+    reference: ReferenceController<L>,
     /// The configured solver, and those that repeat a control period in which it diverges.
     solvers: [SolverParams; ATTEMPTS],
 }
 
 impl<const L: usize> Model<L> {
+    /// Memory of a block's constants.
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + self.plant.heap_bytes()
+    }
+
     /// Walkers with the given parameters.
     pub fn new(config: &Config) -> Self {
         Self {
             plant: human_prosthesis::Model::new(config),
             sensors: sensors::Model::new(&config.sensors),
-            reference: ReferenceParams::from(config),
+            reference: ReferenceController::new(config),
             solvers: config.solvers(),
         }
     }
@@ -47,6 +52,7 @@ impl<const L: usize> Model<L> {
     pub fn set(&mut self, lane: usize, config: &Config, uneven: bool) {
         self.plant.set(lane, config, uneven);
         self.sensors.set(lane, &config.sensors);
+        self.reference.set(lane, config);
     }
 }
 
@@ -61,8 +67,8 @@ pub struct Simulation<const L: usize> {
     pub sensors: Sensors<L>,
     /// Last sensor readings.
     pub readings: ReadingsLanes<L>,
-    /// State machine of each walker: it listens even where an agent commands.
-    pub state_machine: [ReferenceController; L],
+    /// Memory of each walker's reference controller: it listens even where an agent commands.
+    pub state_machine: [GaitMemory; L],
     /// What the state machine commands from the last readings, in the knee unit's own unit.
     pub state_machine_command: [f64; L],
     /// Control periods since the start of the trial.
@@ -84,7 +90,7 @@ pub struct SavedWalker {
     memory: WalkerMemory,
     sensors: SensorMemory,
     readings: Readings,
-    state_machine: ReferenceController,
+    state_machine: GaitMemory,
     state_machine_command: f64,
     sample: u64,
     disturbance: Progress,
@@ -151,7 +157,7 @@ impl<const L: usize> Simulation<L> {
             walkers: Walkers::default(),
             sensors: Sensors::default(),
             readings: ReadingsLanes::default(),
-            state_machine: [model.reference.start(); L],
+            state_machine: [GaitMemory::default(); L],
             state_machine_command: [0.0; L],
             sample: [0; L],
             diverged: [false; L],
@@ -169,11 +175,18 @@ impl<const L: usize> Simulation<L> {
         plant.start(state, lane, episode.start, episode.human);
         self.walkers.command[lane] = 0.0;
         self.sensors.seed[lane] = episode.sensor_seed;
-        self.state_machine[lane] = model.reference.start();
+        self.state_machine[lane] = GaitMemory::default();
         self.sample[lane] = 0;
         self.diverged[lane] = false;
         (self.next_intent[lane], self.next_push[lane]) = (0, 0);
         self.episode[lane] = Some(episode);
+    }
+
+    /// Memory beside itself of what the present episodes and the walkers' further joints hold, sensors apart.
+    pub fn heap_bytes(&self) -> usize {
+        let profiles = self.walkers.profile.iter().chain(self.episode.iter().flatten().map(|episode| &episode.profile));
+        let pushes = self.episode.iter().flatten().map(|episode| size_of_val(&*episode.disturbance.pushes));
+        profiles.map(|profile| size_of_val(&*profile.knots)).chain(pushes).sum::<usize>() + self.state.heap_bytes()
     }
 
     /// The walker in `lane`; `None` before its first episode.
@@ -410,7 +423,7 @@ impl<const L: usize> Simulation<L> {
     #[inline(always)]
     fn control(&mut self, model: &Model<L>, lane: usize) {
         let readings = self.readings.get(lane);
-        self.state_machine_command[lane] = self.state_machine[lane].update(&model.reference, &readings);
+        self.state_machine_command[lane] = model.reference.update(lane, &mut self.state_machine[lane], &readings);
     }
 }
 

@@ -33,6 +33,13 @@ pub struct StepOutput<'a> {
 }
 
 impl StepOutput<'_> {
+    /// Memory that the output of one environment takes.
+    pub fn bytes_per_environment(observation_size: usize, autoreset: Autoreset) -> usize {
+        let observations = if autoreset == Autoreset::SameStep { 2 * observation_size } else { observation_size };
+        let flags = 3 * size_of::<bool>() + size_of::<u8>() + size_of::<u32>();
+        observations * size_of::<f32>() + 2 * (1 + TERMS.len()) * size_of::<f64>() + flags
+    }
+
     /// An error that names the first array that does not fit so many environments.
     pub fn check(&self, num_envs: usize, observation_size: usize, autoreset: Autoreset) -> Result<()> {
         let finals = if autoreset == Autoreset::SameStep { observation_size } else { 0 };

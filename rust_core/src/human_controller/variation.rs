@@ -46,6 +46,11 @@ macro_rules! variations {
             pub fn at(&self, mut fraction: impl FnMut() -> f64) -> HumanVariation {
                 HumanVariation { $($field: self.$field.at(fraction()),)+ }
             }
+
+            /// The smallest value of every variation (`end` 0) or the largest (1).
+            pub fn end(&self, end: usize) -> HumanVariation {
+                HumanVariation { $($field: self.$field.bounds()[end],)+ }
+            }
         }
     };
 }

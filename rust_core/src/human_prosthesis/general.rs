@@ -81,6 +81,11 @@ impl<const L: usize> GeneralModel<L> {
         self.tube[lane] = tube_of(config, &layout);
     }
 
+    /// Memory of them.
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + self.walkers.iter().map(GeneralWalker::bytes).sum::<usize>()
+    }
+
     /// State of walkers like these, at rest.
     pub fn state(&self) -> GeneralState<L> {
         GeneralState { deformation: vec![[0.0; L]; self.more], ..GeneralState::default() }

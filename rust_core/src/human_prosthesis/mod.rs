@@ -25,7 +25,7 @@ use evaluation::Touch;
 pub use model::Model;
 pub use outputs::{Evaluated, POWERS, SpecificForce};
 pub use skeleton::Skeleton;
-pub use start::Start;
+pub use start::{STANDING_KNEE_DEG, Start};
 pub use state::{GeneralState, Rest, RestLanes, State, WalkerState};
 pub use torques::{DeviceTorque, DeviceTorqueLanes};
 pub use walkers::{WalkerMemory, Walkers};

@@ -76,6 +76,12 @@ impl<const L: usize> Model<L> {
         }
     }
 
+    /// Memory beside itself.
+    pub fn heap_bytes(&self) -> usize {
+        let soles = self.sole.iter().map(|points| size_of_val(&**points)).sum::<usize>();
+        soles + self.general.as_ref().map_or(0, |general| general.bytes())
+    }
+
     /// A state for walkers like these; [`HumanProsthesis::start`](super::HumanProsthesis::start) sets it.
     pub fn state(&self) -> State<L> {
         let general = self.general.as_ref().map(|general| Box::new(general.state()));

@@ -22,7 +22,7 @@ pub enum Start {
 /// Depth of the lowest contact point in the ground when a trial starts from standing, m.
 const STANDING_DEPTH: f64 = 0.0037;
 /// Knee flexion when a trial starts from standing.
-const STANDING_KNEE_DEG: f64 = 3.0;
+pub const STANDING_KNEE_DEG: f64 = 3.0;
 /// Hip speed at the cyclic start over the intended speed (section 5.1).
 const CYCLIC_SPEED_FACTOR: f64 = 1.2;
 

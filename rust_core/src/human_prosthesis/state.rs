@@ -24,6 +24,13 @@ pub struct State<const L: usize> {
     pub general: Option<Box<GeneralState<L>>>,
 }
 
+impl<const L: usize> State<L> {
+    /// Memory beside itself.
+    pub fn heap_bytes(&self) -> usize {
+        self.general.as_ref().map_or(0, |general| size_of::<GeneralState<L>>() + size_of_val(&*general.deformation))
+    }
+}
+
 lanes! {
     /// Time and tangential deformation of the ground at each contact point.
     pub struct Rest, RestLanes {

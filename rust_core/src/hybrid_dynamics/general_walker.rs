@@ -156,6 +156,12 @@ impl GeneralWalker {
         self.points.len()
     }
 
+    /// Memory of it.
+    pub fn bytes(&self) -> usize {
+        let lists = size_of_val(self.chain.joints()) + size_of_val(&*self.forward) + size_of_val(&*self.points);
+        size_of::<Self>() + lists
+    }
+
     fn tube(&self) -> usize {
         self.knee + TUBE_AFTER_KNEE
     }

@@ -1,7 +1,7 @@
 //! Reference controller of the motor knee: state machine with impedances (Figure 10; thresholds of the supplementary material).
 
+use super::Phase;
 use crate::params::{params, within};
-use crate::prosthesis_controller::damper_fsm::Phase;
 use crate::signals::Readings;
 
 params! {
@@ -42,48 +42,39 @@ params! {
     }
 }
 
-/// State of the machine.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct MotorFsm {
-    /// Current phase.
-    pub phase: Phase,
-}
-
-impl MotorFsm {
+impl MotorFsmParams {
     /// Takes one sample and returns the commanded current (A), within the given limit.
-    pub fn update(&mut self, params: &MotorFsmParams, current_limit: f64, readings: &Readings) -> f64 {
-        if let Some(next) = self.next(params, readings) {
-            self.phase = next;
+    pub fn update(&self, phase: &mut Phase, current_limit: f64, readings: &Readings) -> f64 {
+        if let Some(next) = self.next(*phase, readings) {
+            *phase = next;
         }
         let angle = readings.knee_angle.to_degrees();
-        let stance_error = angle - params.stance_angle_deg;
-        let braking = if angle < params.braking_angle_deg { params.swing_extension_as_rad } else { 0.0 };
-        let current = match self.phase {
-            _ if angle > params.largest_flexion_deg => -current_limit,
-            Phase::EarlyStance => -params.early_stance_a_deg * stance_error,
-            Phase::MidStance => -params.mid_stance_a_deg * stance_error,
+        let stance_error = angle - self.stance_angle_deg;
+        let braking = if angle < self.braking_angle_deg { self.swing_extension_as_rad } else { 0.0 };
+        let current = match *phase {
+            _ if angle > self.largest_flexion_deg => -current_limit,
+            Phase::EarlyStance => -self.early_stance_a_deg * stance_error,
+            Phase::MidStance => -self.mid_stance_a_deg * stance_error,
             Phase::LateStance => 0.0,
-            Phase::SwingFlexion => -params.swing_flexion_a_deg * (angle - params.swing_flexion_angle_deg),
-            Phase::SwingExtension => -params.swing_extension_a_deg * angle - braking * readings.motor_speed,
+            Phase::SwingFlexion => -self.swing_flexion_a_deg * (angle - self.swing_flexion_angle_deg),
+            Phase::SwingExtension => -self.swing_extension_a_deg * angle - braking * readings.motor_speed,
         };
         current.clamp(-current_limit, current_limit)
     }
 
-    fn next(&self, params: &MotorFsmParams, readings: &Readings) -> Option<Phase> {
+    fn next(&self, phase: Phase, readings: &Readings) -> Option<Phase> {
         use Phase::{EarlyStance, LateStance, MidStance, SwingExtension, SwingFlexion};
         let moment = readings.ankle_moment_nm_kg;
-        match self.phase {
-            EarlyStance | MidStance if moment > params.late_stance_moment_nm_kg => Some(LateStance),
-            EarlyStance if moment > params.mid_stance_moment_nm_kg => Some(MidStance),
-            MidStance if moment < params.early_stance_moment_nm_kg => Some(EarlyStance),
-            LateStance if moment < params.lost_late_stance_moment_nm_kg => Some(MidStance),
-            LateStance if readings.ankle_moment_rate < params.swing_moment_rate_nm_kg_s => Some(SwingFlexion),
-            SwingFlexion
-                if readings.knee_angle.to_degrees() > params.swing_flexion_deg && readings.knee_speed < 0.0 =>
-            {
+        match phase {
+            EarlyStance | MidStance if moment > self.late_stance_moment_nm_kg => Some(LateStance),
+            EarlyStance if moment > self.mid_stance_moment_nm_kg => Some(MidStance),
+            MidStance if moment < self.early_stance_moment_nm_kg => Some(EarlyStance),
+            LateStance if moment < self.lost_late_stance_moment_nm_kg => Some(MidStance),
+            LateStance if readings.ankle_moment_rate < self.swing_moment_rate_nm_kg_s => Some(SwingFlexion),
+            SwingFlexion if readings.knee_angle.to_degrees() > self.swing_flexion_deg && readings.knee_speed < 0.0 => {
                 Some(SwingExtension)
             }
-            SwingExtension if moment < params.heel_strike_moment_nm_kg => Some(EarlyStance),
+            SwingExtension if moment < self.heel_strike_moment_nm_kg => Some(EarlyStance),
             _ => None,
         }
     }

@@ -1,20 +1,19 @@
 //! General chains for Python: every method takes the rows of a batch, one state each, and returns as many rows.
 
-use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadwriteArray2, PyUntypedArrayMethods};
+use numpy::ndarray::Ix2;
+use numpy::{Element, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde::Deserialize;
 
-use super::{depythonize, read_config};
+use super::arguments::{Input2, Output, depythonize, read_config, zeros};
 use crate::error::{Error, Result};
 use crate::hybrid_dynamics::chain::{Chain, ExternalForce, Frame, Joint, Vector, Workspace};
 use crate::hybrid_dynamics::walker_chain::walker_joints;
 use crate::prosthesis_device::spring_damper::Connection;
+use crate::shared::guarded;
 
-type Rows<'py, T = f64> = PyReadonlyArray2<'py, T>;
-type Output<'py> = PyResult<Bound<'py, PyArray2<f64>>>;
-/// Body, points on it (m, its frame) and forces there (N, world axes).
-type Load<'py> = (usize, Rows<'py>, Rows<'py>);
+type Results<'py> = PyResult<Bound<'py, PyArray2<f64>>>;
 
 /// A borrowed array, row by row.
 struct Table<'a, T> {
@@ -23,12 +22,16 @@ struct Table<'a, T> {
 }
 
 impl<'a, T: Element + Copy> Table<'a, T> {
-    fn new(name: &str, array: &'a Rows<'_, T>, rows: usize) -> PyResult<Self> {
-        let [found, width] = [array.shape()[0], array.shape()[1]];
-        if found != rows {
-            return Err(PyValueError::new_err(format!("{name} has {found} rows, the batch has {rows}")));
+    /// Rows of `width` values each.
+    fn new(name: &str, array: &'a Input2<'_, T>, rows: usize, width: usize) -> PyResult<Self> {
+        let found = array.shape();
+        if found[0] != rows {
+            return Err(PyValueError::new_err(format!("{name} has {} rows, the batch has {rows}", found[0])));
         }
-        Ok(Self { values: array.as_slice()?, width })
+        if found[1] != width {
+            return Err(PyValueError::new_err(format!("{name} has {} values per row, must have {width}", found[1])));
+        }
+        Ok(Self { values: array.entries()?, width })
     }
 
     fn row(&self, i: usize) -> &'a [T] {
@@ -43,11 +46,29 @@ impl Table<'_, f64> {
     }
 }
 
+/// Body, points on it (m, its frame) and forces there (N, world axes).
+type Load<'py> = (usize, Input2<'py>, Input2<'py>);
+
+/// External forces, at most.
+const MOST_LOADS: usize = 100_000;
+
+/// Loads, one after the other: a list that claims any length gets no room in advance.
+fn loads_of<'py>(loads: &Bound<'py, PyAny>) -> PyResult<Vec<Load<'py>>> {
+    let mut found = Vec::new();
+    for load in loads.try_iter()? {
+        if found.len() == MOST_LOADS {
+            return Err(PyValueError::new_err(format!("external_forces: at most {MOST_LOADS}")));
+        }
+        found.push(load?.extract()?);
+    }
+    Ok(found)
+}
+
 struct Loads<'a>(Vec<(usize, Table<'a, f64>, Table<'a, f64>)>);
 
 impl<'a> Loads<'a> {
     fn new(loads: &'a [Load<'_>], rows: usize) -> PyResult<Self> {
-        let table = |name, array| Table::new(name, array, rows);
+        let table = |name, array| Table::new(name, array, rows, 2);
         let read = |(body, points, forces): &'a Load<'_>| Ok((*body, table("point", points)?, table("force", forces)?));
         Ok(Self(loads.iter().map(read).collect::<PyResult<_>>()?))
     }
@@ -66,7 +87,7 @@ fn for_each_row(py: Python<'_>, rows: usize, mut state: impl FnMut(usize) -> Res
         1 => error,
         _ => Error::Invalid(format!("{error} (state {i} of the batch, counted from 0)")),
     };
-    Ok(py.detach(|| (0..rows).try_for_each(|i| state(i).map_err(|error| located(i, error))))?)
+    Ok(py.detach(|| guarded(|| (0..rows).try_for_each(|i| state(i).map_err(|error| located(i, error)))))?)
 }
 
 /// A new array of `width` numbers per row, which `state` fills.
@@ -75,8 +96,8 @@ fn fill_rows<'py>(
     rows: usize,
     width: usize,
     mut state: impl FnMut(usize, &mut [f64]) -> Result<()> + Send,
-) -> Output<'py> {
-    let output = PyArray2::zeros(py, [rows, width], false);
+) -> Results<'py> {
+    let output = zeros(py, [rows, width])?;
     {
         let mut output = output.readwrite();
         let values = output.as_slice_mut()?;
@@ -111,9 +132,9 @@ impl PyChain {
         Ok(Self { chain: Chain::new(joints, gravity)? })
     }
 
-    fn frames<'py>(&self, py: Python<'py>, q: Rows<'py>) -> Output<'py> {
+    fn frames<'py>(&self, py: Python<'py>, q: Input2<'py>) -> Results<'py> {
         let rows = q.shape()[0];
-        let q = Table::new("q", &q, rows)?;
+        let q = Table::new("q", &q, rows, self.joints())?;
         let mut frames = vec![Frame::IDENTITY; self.joints()];
         fill_rows(py, rows, 3 * self.joints(), |i, output| {
             self.chain.frames(q.row(i), &mut frames)?;
@@ -124,9 +145,9 @@ impl PyChain {
         })
     }
 
-    fn point_position<'py>(&self, py: Python<'py>, q: Rows<'py>, body: usize, point: Rows<'py>) -> Output<'py> {
+    fn point_position<'py>(&self, py: Python<'py>, q: Input2<'py>, body: usize, point: Input2<'py>) -> Results<'py> {
         let rows = q.shape()[0];
-        let (q, point) = (Table::new("q", &q, rows)?, Table::new("point", &point, rows)?);
+        let (q, point) = (Table::new("q", &q, rows, self.joints())?, Table::new("point", &point, rows, 2)?);
         fill_rows(py, rows, 2, |i, output| {
             let position = self.chain.point_position(q.row(i), body, point.vector("point", i)?)?;
             output.copy_from_slice(&position);
@@ -137,14 +158,14 @@ impl PyChain {
     fn point_velocity<'py>(
         &self,
         py: Python<'py>,
-        q: Rows<'py>,
-        qd: Rows<'py>,
+        q: Input2<'py>,
+        qd: Input2<'py>,
         body: usize,
-        point: Rows<'py>,
-    ) -> Output<'py> {
+        point: Input2<'py>,
+    ) -> Results<'py> {
         let rows = q.shape()[0];
-        let (q, qd) = (Table::new("q", &q, rows)?, Table::new("qd", &qd, rows)?);
-        let point = Table::new("point", &point, rows)?;
+        let (q, qd) = (Table::new("q", &q, rows, self.joints())?, Table::new("qd", &qd, rows, self.joints())?);
+        let point = Table::new("point", &point, rows, 2)?;
         fill_rows(py, rows, 2, |i, output| {
             let velocity = self.chain.point_velocity(q.row(i), qd.row(i), body, point.vector("point", i)?)?;
             output.copy_from_slice(&velocity);
@@ -152,16 +173,16 @@ impl PyChain {
         })
     }
 
-    fn mass_matrix<'py>(&self, py: Python<'py>, q: Rows<'py>) -> Output<'py> {
+    fn mass_matrix<'py>(&self, py: Python<'py>, q: Input2<'py>) -> Results<'py> {
         let rows = q.shape()[0];
-        let q = Table::new("q", &q, rows)?;
+        let q = Table::new("q", &q, rows, self.joints())?;
         let mut work = Workspace::default();
         fill_rows(py, rows, self.joints().pow(2), |i, output| self.chain.mass_matrix(&mut work, q.row(i), output))
     }
 
-    fn bias<'py>(&self, py: Python<'py>, q: Rows<'py>, qd: Rows<'py>) -> Output<'py> {
+    fn bias<'py>(&self, py: Python<'py>, q: Input2<'py>, qd: Input2<'py>) -> Results<'py> {
         let rows = q.shape()[0];
-        let (q, qd) = (Table::new("q", &q, rows)?, Table::new("qd", &qd, rows)?);
+        let (q, qd) = (Table::new("q", &q, rows, self.joints())?, Table::new("qd", &qd, rows, self.joints())?);
         let mut work = Workspace::default();
         fill_rows(py, rows, self.joints(), |i, output| self.chain.bias(&mut work, q.row(i), qd.row(i), output))
     }
@@ -169,14 +190,15 @@ impl PyChain {
     fn inverse_dynamics<'py>(
         &self,
         py: Python<'py>,
-        q: Rows<'py>,
-        qd: Rows<'py>,
-        qdd: Rows<'py>,
-        external_forces: Vec<Load<'py>>,
-    ) -> Output<'py> {
+        q: Input2<'py>,
+        qd: Input2<'py>,
+        qdd: Input2<'py>,
+        external_forces: &Bound<'py, PyAny>,
+    ) -> Results<'py> {
         let rows = q.shape()[0];
-        let (q, qd) = (Table::new("q", &q, rows)?, Table::new("qd", &qd, rows)?);
-        let (qdd, loads) = (Table::new("qdd", &qdd, rows)?, Loads::new(&external_forces, rows)?);
+        let (q, qd) = (Table::new("q", &q, rows, self.joints())?, Table::new("qd", &qd, rows, self.joints())?);
+        let external_forces = loads_of(external_forces)?;
+        let (qdd, loads) = (Table::new("qdd", &qdd, rows, self.joints())?, Loads::new(&external_forces, rows)?);
         let mut work = Workspace::default();
         fill_rows(py, rows, self.joints(), |i, tau| {
             self.chain.inverse_dynamics(&mut work, q.row(i), qd.row(i), qdd.row(i), &loads.row(i)?, tau)
@@ -188,12 +210,12 @@ impl PyChain {
     fn hybrid_dynamics<'py>(
         &self,
         py: Python<'py>,
-        q: Rows<'py>,
-        qd: Rows<'py>,
-        mut qdd: PyReadwriteArray2<'py, f64>,
-        mut tau: PyReadwriteArray2<'py, f64>,
-        forward: Rows<'py, bool>,
-        external_forces: Vec<Load<'py>>,
+        q: Input2<'py>,
+        qd: Input2<'py>,
+        mut qdd: Output<'py, f64, Ix2>,
+        mut tau: Output<'py, f64, Ix2>,
+        forward: Input2<'py, bool>,
+        external_forces: &Bound<'py, PyAny>,
     ) -> PyResult<()> {
         let (rows, n) = (q.shape()[0], self.joints());
         for (name, shape) in [("qdd", qdd.shape()), ("tau", tau.shape())] {
@@ -201,9 +223,11 @@ impl PyChain {
                 return Err(PyValueError::new_err(format!("{name} has shape {shape:?}, must have [{rows}, {n}]")));
             }
         }
-        let (q, qd) = (Table::new("q", &q, rows)?, Table::new("qd", &qd, rows)?);
-        let (forward, loads) = (Table::new("forward", &forward, rows)?, Loads::new(&external_forces, rows)?);
-        let (qdd, tau) = (qdd.as_slice_mut()?, tau.as_slice_mut()?);
+        let (q, qd) = (Table::new("q", &q, rows, self.joints())?, Table::new("qd", &qd, rows, self.joints())?);
+        let external_forces = loads_of(external_forces)?;
+        let (forward, loads) =
+            (Table::new("forward", &forward, rows, self.joints())?, Loads::new(&external_forces, rows)?);
+        let (qdd, tau) = (qdd.entries()?, tau.entries()?);
         let mut work = Workspace::default();
         for_each_row(py, rows, |i| {
             let (qdd, tau) = (&mut qdd[i * n..][..n], &mut tau[i * n..][..n]);
@@ -212,18 +236,18 @@ impl PyChain {
         })
     }
 
-    fn kinetic_energy<'py>(&self, py: Python<'py>, q: Rows<'py>, qd: Rows<'py>) -> Output<'py> {
+    fn kinetic_energy<'py>(&self, py: Python<'py>, q: Input2<'py>, qd: Input2<'py>) -> Results<'py> {
         let rows = q.shape()[0];
-        let (q, qd) = (Table::new("q", &q, rows)?, Table::new("qd", &qd, rows)?);
+        let (q, qd) = (Table::new("q", &q, rows, self.joints())?, Table::new("qd", &qd, rows, self.joints())?);
         fill_rows(py, rows, 1, |i, output| {
             output[0] = self.chain.kinetic_energy(q.row(i), qd.row(i))?;
             Ok(())
         })
     }
 
-    fn potential_energy<'py>(&self, py: Python<'py>, q: Rows<'py>) -> Output<'py> {
+    fn potential_energy<'py>(&self, py: Python<'py>, q: Input2<'py>) -> Results<'py> {
         let rows = q.shape()[0];
-        let q = Table::new("q", &q, rows)?;
+        let q = Table::new("q", &q, rows, self.joints())?;
         fill_rows(py, rows, 1, |i, output| {
             output[0] = self.chain.potential_energy(q.row(i))?;
             Ok(())

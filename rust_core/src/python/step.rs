@@ -5,10 +5,13 @@ use numpy::{PyArray, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
+use std::sync::{Mutex, PoisonError};
+
 use super::recycled::Recycled;
 use crate::batch::Batch;
 use crate::environment::Autoreset;
 use crate::reward::TERMS;
+use crate::shared::Shared;
 use crate::step_output::StepOutput;
 use crate::termination::REASONS;
 
@@ -63,9 +66,18 @@ arrays! {
 /// Sets of arrays that are kept: a training loop holds those of the last step while it takes the next.
 const MOST_KEPT: usize = 3;
 
+/// What the arrays of a batch's steps have in common.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub num_envs: usize,
+    pub observation_size: usize,
+    pub autoreset: Autoreset,
+}
+
 /// Arrays of the last steps. Fresh ones for each step would cost page faults in large batches, allocations in small ones.
 pub(super) struct Outputs {
-    kept: Vec<Arrays>,
+    /// Nobody who holds this runs Python code: that might come back here.
+    kept: Mutex<Vec<Arrays>>,
     /// [`REASONS`]; None is none.
     reasons: Vec<Py<PyAny>>,
 }
@@ -73,29 +85,41 @@ pub(super) struct Outputs {
 impl Outputs {
     pub fn new(py: Python<'_>) -> Self {
         let named = REASONS[1..].iter().map(|name| PyString::intern(py, name).into_any().unbind());
-        Self { kept: Vec::new(), reasons: std::iter::once(py.None()).chain(named).collect() }
+        Self { kept: Mutex::default(), reasons: std::iter::once(py.None()).chain(named).collect() }
     }
 
     /// Advances every environment of `batch`, and hands out what that gives.
-    pub fn step(&mut self, py: Python<'_>, batch: &mut Batch, actions: &[f64]) -> PyResult<PyStep> {
-        let free = self.kept.iter().position(|arrays| arrays.are_free(py));
-        let mut arrays = free.map_or_else(|| Arrays::new(py, batch), |index| self.kept.remove(index));
+    pub fn step(&self, py: Python<'_>, batch: &Shared<Batch>, shape: Shape, actions: &[f64]) -> PyResult<PyStep> {
+        let mut arrays = self.take(py).unwrap_or_else(|| Arrays::new(py, shape));
         let eventful = arrays.fill(py, batch, actions, &self.reasons)?;
         let step = arrays.share(py, eventful);
-        if self.kept.len() == MOST_KEPT {
-            self.kept.remove(0); // held for long, by whoever logs steps
-        }
-        self.kept.push(arrays);
+        self.keep(arrays);
         Ok(step)
+    }
+
+    /// Takes out arrays that nobody holds.
+    fn take(&self, py: Python<'_>) -> Option<Arrays> {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let free = kept.iter().position(|arrays| arrays.are_free(py))?;
+        Some(kept.remove(free))
+    }
+
+    /// Keeps arrays, in place of those that have been held for longest, by whoever logs steps.
+    fn keep(&self, arrays: Arrays) {
+        let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let oldest = (kept.len() == MOST_KEPT).then(|| kept.remove(0));
+        kept.push(arrays);
+        drop(kept);
+        drop(oldest);
     }
 }
 
 impl Arrays {
-    fn new(py: Python<'_>, batch: &Batch) -> Self {
-        let column = Ix1(batch.num_envs());
-        let observations = Ix2(batch.num_envs(), batch.observation_size());
-        let terms = Ix2(batch.num_envs(), TERMS.len());
-        let finals = batch.autoreset() == Autoreset::SameStep;
+    fn new(py: Python<'_>, Shape { num_envs, observation_size, autoreset }: Shape) -> Self {
+        let column = Ix1(num_envs);
+        let observations = Ix2(num_envs, observation_size);
+        let terms = Ix2(num_envs, TERMS.len());
+        let finals = autoreset == Autoreset::SameStep;
         Self {
             observations: Recycled::zeros(py, observations),
             rewards: Recycled::zeros(py, column),
@@ -113,7 +137,7 @@ impl Arrays {
     }
 
     /// Returns whether any environment was reset or ended.
-    fn fill(&mut self, py: Python<'_>, batch: &mut Batch, actions: &[f64], names: &[Py<PyAny>]) -> PyResult<bool> {
+    fn fill(&mut self, py: Python<'_>, batch: &Shared<Batch>, actions: &[f64], names: &[Py<PyAny>]) -> PyResult<bool> {
         let finals = self.final_observations.as_mut().map(|finals| finals.entries(py)).transpose()?;
         let mut output = StepOutput {
             observations: self.observations.entries(py)?,
@@ -128,7 +152,7 @@ impl Arrays {
             episode_steps: self.episode_steps.entries(py)?,
             episode_terms: self.episode_terms.entries(py)?,
         };
-        py.detach(|| batch.step(actions, output.reborrow()))?;
+        py.detach(|| batch.with(|batch| batch.step(actions, output.reborrow())))?;
         for (named, &reason) in self.termination_reasons.entries(py)?.iter_mut().zip(&*output.reasons) {
             let name = &names[usize::from(reason)];
             if !named.is(name) {

@@ -107,3 +107,10 @@ params! {
         motor_current: MotorCurrentParams,
     }
 }
+
+impl SensorParams {
+    /// Memory of the samples under way to one walker's controller.
+    pub fn bytes_under_way(&self) -> usize {
+        super::imperfections(self).iter().map(|channel| (channel.delay_samples + 1) * size_of::<f64>()).sum()
+    }
+}

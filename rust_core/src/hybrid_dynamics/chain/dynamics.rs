@@ -193,6 +193,9 @@ impl Chain {
         /// Smallest share of a joint's inertia that must remain when the free joints before it give way.
         const SMALLEST_SHARE: f64 = 1e-12;
         let remains = |i: usize, pivot: f64| pivot * pivot > SMALLEST_SHARE * inertia[(i, i)];
+        if (0..free.len()).any(|i| (0..=i).any(|j| !inertia[(i, j)].is_finite())) {
+            return Err(Error::Invalid("q and joints: the chain's inertia exceeds the largest number".to_owned()));
+        }
         match inertia.llt(Side::Lower) {
             Ok(cholesky) if (0..free.len()).all(|i| remains(i, cholesky.L()[(i, i)])) => {
                 cholesky.solve_in_place(solution);

@@ -21,6 +21,9 @@ pub use planar::{Frame, Vector};
 use planar::{Inertia, Twist, Wrench};
 pub use posture::Posture;
 
+/// Joints of a chain, at most: work and memory grow with their square and cube.
+pub const MOST_JOINTS: usize = 1000;
+
 /// A force on a point of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -58,6 +61,12 @@ impl Chain {
     pub fn new(joints: Vec<Joint>, gravity: Vector) -> Result<Self> {
         if joints.is_empty() {
             return Err(Error::Invalid("joints: a chain needs at least one".to_owned()));
+        }
+        if joints.len() > MOST_JOINTS {
+            return Err(Error::Invalid(format!(
+                "joints: a chain has {}, may have at most {MOST_JOINTS}",
+                joints.len()
+            )));
         }
         for (i, joint) in joints.iter().enumerate() {
             joint.validate(&format!("joints[{i}]"))?;

@@ -105,23 +105,19 @@ params! {
     }
 }
 
-/// From actions in [-1, 1] to commands of one knee unit.
+/// From actions in [-1, 1] to commands of a knee unit: what is the same for all walkers.
 #[derive(Clone, Copy, Debug)]
 pub struct ActionMap {
     mode: ActionMode,
     latch: Latch,
     /// Whether commands have a sign (current) or none (damping, friction).
     signed: bool,
-    /// Command at action +1.
-    full: f64,
     residual: f64,
     constant: f64,
-    /// What the unit can do at most.
-    limit: f64,
     impedance: Impedance,
     delay: usize,
-    /// Largest change of the command per control period.
-    largest_change: f64,
+    /// Commands of a full action per second; 0 for no limit.
+    rate_limit: f64,
     /// Share of its way to the new command that the low-pass goes in a control period.
     filter_share: f64,
 }
@@ -135,8 +131,37 @@ struct Impedance {
     damping: f64,
     /// rad.
     rest_angle: f64,
-    /// Current per knee torque, A/(N m).
-    current_per_torque: f64,
+}
+
+lanes! {
+    /// What one walker's knee unit makes of an action: episodes may draw other units.
+    pub struct CommandScale, CommandScaleLanes {
+        /// Command at action +1.
+        full: f64,
+        /// What the unit can do at most.
+        limit: f64,
+        /// Current per knee torque of an ideal drive train, A/(N m).
+        current_per_torque: f64,
+    }
+}
+
+impl From<&Config> for CommandScale {
+    fn from(config: &Config) -> Self {
+        let (full, limit) = match config.device.kind {
+            DeviceKind::Damper => (config.action.max_command_nms2_rad2, config.knee.max_damping_nms2_rad2),
+            DeviceKind::Motor => (config.motor.current_limit_a, config.motor.current_limit_a),
+            DeviceKind::Friction => (config.friction_knee.max_friction_nm, config.friction_knee.max_friction_nm),
+        };
+        Self { full, limit, current_per_torque: 1.0 / config.motor.torque_per_ampere() }
+    }
+}
+
+impl<const L: usize> CommandScaleLanes<L> {
+    /// A command over that of a full action, for observations and rewards.
+    #[inline(always)]
+    pub fn relative(&self, lane: usize, command: f64) -> f64 {
+        command / self.full[lane]
+    }
 }
 
 lanes! {
@@ -188,43 +213,25 @@ impl ActionMap {
     /// The map of the configured knee unit.
     pub fn new(config: &Config) -> Self {
         let action = &config.action;
-        let (signed, full, residual, constant, limit) = match config.device.kind {
-            DeviceKind::Damper => (
-                false,
-                action.max_command_nms2_rad2,
-                action.residual_nms2_rad2,
-                action.constant_nms2_rad2,
-                config.knee.max_damping_nms2_rad2,
-            ),
-            DeviceKind::Motor => {
-                let limit = config.motor.current_limit_a;
-                (true, limit, action.residual_a, action.constant_a, limit)
-            }
-            DeviceKind::Friction => {
-                let limit = config.friction_knee.max_friction_nm;
-                (false, limit, action.residual_nm, action.constant_nm, limit)
-            }
+        let (signed, residual, constant) = match config.device.kind {
+            DeviceKind::Damper => (false, action.residual_nms2_rad2, action.constant_nms2_rad2),
+            DeviceKind::Motor => (true, action.residual_a, action.constant_a),
+            DeviceKind::Friction => (false, action.residual_nm, action.constant_nm),
         };
         let filter = action.filter_s;
         Self {
             mode: action.mode,
             latch: action.latch,
             signed,
-            full,
             residual,
             constant,
-            limit,
             impedance: Impedance {
                 stiffness: action.max_stiffness_nm_rad,
                 damping: action.max_damping_nms_rad,
                 rest_angle: action.max_rest_angle_deg.to_radians(),
-                current_per_torque: 1.0 / config.motor.torque_per_ampere(),
             },
             delay: action.delay_samples,
-            largest_change: match action.rate_limit_per_s {
-                0.0 => f64::INFINITY,
-                rate => rate * full * CONTROL_PERIOD_S,
-            },
+            rate_limit: action.rate_limit_per_s,
             filter_share: if filter > 0.0 { 1.0 - crate::math::exp(-CONTROL_PERIOD_S / filter) } else { 1.0 },
         }
     }
@@ -239,6 +246,7 @@ impl ActionMap {
     #[inline(always)]
     pub fn commands<const L: usize>(
         &self,
+        scale: &CommandScaleLanes<L>,
         memory: &mut Actuations<L>,
         actions: &[f64],
         readings: &ReadingsLanes<L>,
@@ -256,7 +264,7 @@ impl ActionMap {
                 now.phase[lane] = phases[lane];
             }
         }
-        let mut command = self.requests(now, readings, state_machine);
+        let mut command = self.requests(scale, now, readings, state_machine);
         now.requested = command;
         if self.delay > 0 {
             for (command, line) in command.iter_mut().zip(&mut memory.lines) {
@@ -265,10 +273,11 @@ impl ActionMap {
                 *command = if line.len() > self.delay { line.pop_front().unwrap_or(0.0) } else { 0.0 };
             }
         }
-        if self.largest_change < f64::INFINITY {
+        if self.rate_limit > 0.0 {
             for lane in 0..L {
+                let largest = self.rate_limit * scale.full[lane] * CONTROL_PERIOD_S;
                 let change = command[lane] - now.command[lane];
-                command[lane] = now.command[lane] + clamp(change, -self.largest_change, self.largest_change);
+                command[lane] = now.command[lane] + clamp(change, -largest, largest);
             }
         }
         if self.filter_share < 1.0 {
@@ -284,6 +293,7 @@ impl ActionMap {
     #[inline(always)]
     fn requests<const L: usize>(
         &self,
+        scale: &CommandScaleLanes<L>,
         now: &ActuationLanes<L>,
         readings: &ReadingsLanes<L>,
         state_machine: &[f64; L],
@@ -292,50 +302,46 @@ impl ActionMap {
         match self.mode {
             ActionMode::Direct if self.signed => {
                 for lane in 0..L {
-                    command[lane] = self.full * now.action_0[lane];
+                    command[lane] = scale.full[lane] * now.action_0[lane];
                 }
             }
             ActionMode::Direct => {
                 for lane in 0..L {
-                    command[lane] = self.full * quadratic(now.action_0[lane]);
+                    command[lane] = scale.full[lane] * quadratic(now.action_0[lane]);
                 }
             }
             ActionMode::Residual => {
                 for lane in 0..L {
                     // The state machine may exceed the agent's range; the agent must not cut it.
-                    let limit = max(state_machine[lane], self.full);
+                    let limit = max(state_machine[lane], scale.full[lane]);
                     command[lane] = min(state_machine[lane] + self.residual * now.action_0[lane], limit);
                 }
             }
             ActionMode::Impedance => {
                 for lane in 0..L {
                     let (angle, speed) = (readings.knee_angle[lane], readings.knee_speed[lane]);
-                    command[lane] = self.impedance.current(&now.get(lane), angle, speed);
+                    let torque = self.impedance.torque(&now.get(lane), angle, speed);
+                    command[lane] = torque * scale.current_per_torque[lane];
                 }
             }
             ActionMode::StateMachine => command = *state_machine,
             ActionMode::Constant => {}
         }
-        for command in &mut command {
-            *command = clamp(*command, if self.signed { -self.limit } else { 0.0 }, self.limit);
+        for lane in 0..L {
+            let limit = scale.limit[lane];
+            command[lane] = clamp(command[lane], if self.signed { -limit } else { 0.0 }, limit);
         }
         command
-    }
-
-    /// A command over that of a full action, for observations and rewards.
-    #[inline(always)]
-    pub fn relative(&self, command: f64) -> f64 {
-        command / self.full
     }
 }
 
 impl Impedance {
-    /// Current that makes an ideal drive train a spring and damper, for knee flexion (rad) and its speed (rad/s), A.
+    /// Torque of the spring and damper that the action asks for, at a knee flexion (rad) and its speed (rad/s), N m.
     #[inline(always)]
-    fn current(&self, action: &Actuation, angle: f64, speed: f64) -> f64 {
+    fn torque(&self, action: &Actuation, angle: f64, speed: f64) -> f64 {
         let rest_angle = self.rest_angle * 0.5 * (action.action_2 + 1.0);
         let spring = self.stiffness * quadratic(action.action_0) * (rest_angle - angle);
-        (spring - self.damping * quadratic(action.action_1) * speed) * self.current_per_torque
+        spring - self.damping * quadratic(action.action_1) * speed
     }
 }
 
@@ -350,46 +356,51 @@ mod tests {
     use super::*;
     use crate::signals::Readings;
 
-    fn map(change: impl Fn(&mut Config)) -> ActionMap {
+    struct Leg {
+        map: ActionMap,
+        scale: CommandScaleLanes<1>,
+    }
+
+    fn leg(change: impl Fn(&mut Config)) -> Leg {
         let mut config = Config::default();
         change(&mut config);
-        ActionMap::new(&config)
+        Leg { map: ActionMap::new(&config), scale: CommandScaleLanes::splat(CommandScale::from(&config)) }
     }
 
     /// Command of one walker, no state machine.
-    fn command(map: &ActionMap, memory: &mut Actuations<1>, action: &[f64], readings: Readings, phase: u8) -> f64 {
-        map.commands(memory, action, &ReadingsLanes::splat(readings), &[phase], &[0.0])[0]
+    fn command(leg: &Leg, memory: &mut Actuations<1>, action: &[f64], readings: Readings, phase: u8) -> f64 {
+        leg.map.commands(&leg.scale, memory, action, &ReadingsLanes::splat(readings), &[phase], &[0.0])[0]
     }
 
     /// Commands of full actions, no state machine.
-    fn step_response(map: &ActionMap, periods: usize) -> Vec<f64> {
+    fn step_response(leg: &Leg, periods: usize) -> Vec<f64> {
         let mut memory = Actuations::default();
-        (0..periods).map(|_| command(map, &mut memory, &[1.0], Readings::default(), 1)).collect()
+        (0..periods).map(|_| command(leg, &mut memory, &[1.0], Readings::default(), 1)).collect()
     }
 
     #[test]
     fn commands_come_late_by_exactly_the_delay() {
-        let commands = step_response(&map(|config| config.action.delay_samples = 3), 6);
+        let commands = step_response(&leg(|config| config.action.delay_samples = 3), 6);
         assert_eq!(commands, [0.0, 0.0, 0.0, 20.0, 20.0, 20.0]);
     }
 
     #[test]
     fn the_rate_limit_is_kept_and_reached() {
-        let commands = step_response(&map(|config| config.action.rate_limit_per_s = 50.0), 6);
+        let commands = step_response(&leg(|config| config.action.rate_limit_per_s = 50.0), 6);
         assert_eq!(commands, [5.0, 10.0, 15.0, 20.0, 20.0, 20.0]);
     }
 
     #[test]
     fn the_low_pass_has_come_63_percent_of_the_way_after_its_time_constant() {
-        let commands = step_response(&map(|config| config.action.filter_s = 0.05), 10);
+        let commands = step_response(&leg(|config| config.action.filter_s = 0.05), 10);
         assert!((commands[9] - 20.0 * (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
     }
 
     #[test]
     fn a_latched_action_holds_until_the_gait_phase_changes() {
-        let map = map(|config| config.action.latch = Latch::Phase);
+        let leg = leg(|config| config.action.latch = Latch::Phase);
         let mut memory = Actuations::default();
-        let mut at = |action: f64, phase: u8| command(&map, &mut memory, &[action], Readings::default(), phase);
+        let mut at = |action: f64, phase: u8| command(&leg, &mut memory, &[action], Readings::default(), phase);
         assert_eq!(at(1.0, 1), 20.0);
         assert_eq!(at(-1.0, 1), 20.0);
         assert_eq!(at(-1.0, 2), 0.0);
@@ -398,14 +409,14 @@ mod tests {
 
     #[test]
     fn an_impedance_pulls_to_its_rest_angle_and_against_motion() {
-        let map = map(|config| {
+        let leg = leg(|config| {
             config.device.kind = DeviceKind::Motor;
             config.action.mode = ActionMode::Impedance;
         });
-        assert_eq!(map.size(), 3);
+        assert_eq!(leg.map.size(), 3);
         let current = |action: [f64; 3], knee_angle: f64, knee_speed: f64| {
             let readings = Readings { knee_angle, knee_speed, ..Readings::default() };
-            command(&map, &mut Actuations::default(), &action, readings, 1)
+            command(&leg, &mut Actuations::default(), &action, readings, 1)
         };
         let rest = 35.0_f64.to_radians();
         assert!(current([0.0, -1.0, 0.0], rest, 3.0).abs() < 1e-12);

@@ -3,5 +3,5 @@
 pub mod action;
 pub mod observation;
 
-pub use action::{ActionMap, ActionParams, Actuation, Actuations};
+pub use action::{ActionMap, ActionParams, Actuation, Actuations, CommandScale, CommandScaleLanes};
 pub use observation::{Channel, ObservationMap, ObservationParams};

@@ -279,6 +279,18 @@ impl ObservationMap {
         Self { channels: groups.iter().flat_map(of).collect(), privileged: groups.contains(&Group::Privileged), groups }
     }
 
+    /// An error if there are none: nobody could learn from that.
+    pub fn check(&self) -> Result<()> {
+        if !self.channels.is_empty() {
+            return Ok(());
+        }
+        Err(Error::Schema {
+            key: "observation.groups".to_owned(),
+            reason: "[motor] has no channels in a leg without a motor: name another group, or take device.kind = motor"
+                .to_owned(),
+        })
+    }
+
     /// The channels, in order.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
