@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
+from prosthesis_gym.channels import call_with_channels
 from prosthesis_gym.config import Config, merge
 
 
@@ -47,7 +48,9 @@ class RewardTerm:
 
     def values(self, channels: Mapping[str, NDArray[np.float64]], counted: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the term (N,) where `counted` is True, 0 elsewhere."""
-        values = np.asarray(self.function(channels))
+        remedy = f"add groups=[{{group!r}}] to RewardTerm({self.name!r}, ...)"
+        returned = call_with_channels(self.function, channels, f"reward term {self.name!r}", remedy)
+        values = np.asarray(returned)
         if values.shape != counted.shape or values.dtype.kind not in "fiub":
             raise ValueError(
                 f"reward term {self.name!r} gave shape {values.shape} and dtype {values.dtype}, "

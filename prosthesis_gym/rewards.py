@@ -22,7 +22,7 @@ def load_reward(source: str | Path) -> Config:
         ValueError: no such reward, another section, or an impossible weight.
 
     """
-    if source in REWARDS:
+    if isinstance(source, str) and source in REWARDS:
         with resources.as_file(_PRESETS / f"{source}.toml") as path:
             return load_config(path)
     path = Path(source)

@@ -47,7 +47,7 @@ def write_report(folder: Path, settings: Settings, threads: int | None, console:
         if controller is None:
             config = merge(config, {"action": {"mode": "state_machine"}})
         trial = run_trial(config, policy=controller, progress=False)
-        if trial.fell:
+        if trial.ended_early:
             console.print(f"gait.png lacks the {name}: it {trial.outcome} in an undisturbed walk at 1.1 m/s")
         else:
             trials[name] = trial

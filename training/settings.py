@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any, Self
 
 from prosthesis_gym.config import Config, apply_settings, merge, resolve
 from prosthesis_gym.evaluation import HELD_OUT_SEED
+from prosthesis_gym.files import read_toml
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
 
@@ -160,11 +160,9 @@ class Settings:
     def load(cls, path: str | Path, changes: Iterable[str] = ()) -> Settings:
         """Read a TOML file and apply `key=value` changes to it."""
         try:
-            table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            table = read_toml(path)
         except OSError as error:
             raise ValueError(f"cannot read {path}: {error.strerror}") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: {error}") from None
         return cls.read(apply_settings(_spelt_out(table), changes))
 
     @classmethod
