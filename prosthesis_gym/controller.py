@@ -18,6 +18,10 @@ Readings: TypeAlias = dict[str, NDArray[np.float64]]
 """Name of a sensor -> its readings (N,), one per walker; SI units, as the names say."""
 
 
+CONTROLLERS_OWN = ("action", "observation")
+"""Sections of a configuration that a controller brings."""
+
+
 class Controller(Protocol):
     """What can drive the knees of N walkers; a trained `prosthesis_gym.policy.Policy` is one."""
 
@@ -37,9 +41,7 @@ def require_one_action(config: Mapping[str, Any]) -> None:
         raise ValueError(f"action.mode = {mode!r} takes {size} numbers per walker, a controller gives 1")
 
 
-def checked(
-    config: Mapping[str, Any], controller: Controller | None, scenario: str | Path | None = None
-) -> Config:
+def checked(config: Mapping[str, Any], controller: Controller | None, scenario: str | Path | None = None) -> Config:
     """Return `config` over the scenario, if there is one.
 
     Raises:
@@ -50,7 +52,7 @@ def checked(
     layers = [Layer({} if scenario is None else load_scenario(scenario), given=False), Layer(config)]
     if controller is None:
         return laid_over(layers)
-    return laid_over(layers, controller.configure, ignored=("action", "observation"))
+    return laid_over(layers, controller.configure, ignored=CONTROLLERS_OWN)
 
 
 def driven(config: Mapping[str, Any], controller: Controller | None) -> Config:

@@ -1,4 +1,4 @@
-"""User files: read whatever encoding mark they begin with, written so that neither a crash nor a full disk loses one."""
+"""User files: read with a byte-order mark or without, written so that neither crash nor full disk loses one."""
 
 import json
 import os

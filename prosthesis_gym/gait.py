@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from prosthesis_gym.draws import left_to_chance
 from prosthesis_gym.trial import INTACT_DOUBLE, INTACT_STANCE, INTACT_SWING, RESIDUAL, STEP_CYCLE, Trial
 
 
@@ -137,11 +138,13 @@ def mean_powers(trial: Trial, begin_s: float, end_s: float) -> dict[str, float]:
 
 
 def stride_json(trial: Trial, powers: dict[str, float] | None = None) -> str:
-    """Outcome, strides, their summary and any mean powers as JSON; a measure that does not exist is null."""
+    """Outcome, seed, draws, strides, their summary and any mean powers as JSON; what does not exist is null."""
     strides = stride_table(trial)
     content: dict[str, object] = {
         "outcome": trial.outcome,
         "end_s": trial.end_s,
+        "seed": trial.seed,
+        "drawn": left_to_chance(trial),
         "strides": [dataclasses.asdict(stride) for stride in strides],
         "summary": summary(strides),
     }
@@ -155,4 +158,4 @@ def _without_nan(value: object) -> object:
         return {key: _without_nan(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and np.isnan(value) else value
+    return None if isinstance(value, float) and not np.isfinite(value) else value

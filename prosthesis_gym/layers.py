@@ -2,8 +2,8 @@
 
 What a scenario, a reward or a command's own defaults say may serve any knee and any walk. What a user says (a mapping,
 a file, `--set`) is refused where it has no effect: in the whole configuration, and in what it was laid over with its
-own layer, so that a later layer may replace what it goes with. A zero that turns something off may stand beside the
-settings of what it turns off: the baseline of a sweep.
+own layer, so that a later layer may replace what it goes with. What turns something off (a force of zero, a start in
+stride) may stand beside the settings of what it turns off: the baseline of a sweep.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -50,7 +50,7 @@ class _Use:
     #: What must hold, for the message.
     needs: str
     holds: Callable[[_View], bool]
-    #: Number that turns them on, if there is one.
+    #: Key that turns them on and off, if there is one: beside it, they may stand unread.
     switch: str | None = None
 
 
@@ -120,7 +120,12 @@ _USES: Sequence[_Use] = (
         "an empty list scenario.profile",
         lambda view: not view["scenario.profile"],
     ),
-    _chosen("scenario.start", ["standing", "random"], ["scenario.walk_s"]),
+    _Use(
+        ["scenario.walk_s"],
+        "scenario.start = 'standing' or 'random'",
+        lambda view: view["scenario.start"] != "cyclic",
+        "scenario.start",
+    ),
 )
 
 
@@ -179,7 +184,7 @@ def _instead(use: _Use, final: _View) -> str:
 
 
 def _complete_sections(config: Mapping[str, Any]) -> list[str]:
-    """Return the sections that are whole, if most are: those of a configuration that was filled up, and checked, before."""
+    """Return the sections that are whole, if most are: then they were filled up, and checked, before."""
     whole = [
         name
         for name, defaults in resolve({}).items()

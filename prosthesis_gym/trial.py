@@ -176,6 +176,4 @@ def load_trial(path: str | Path) -> Trial:
     metadata = json.loads(table.schema.metadata[_METADATA])
     columns = {name: table[name].to_numpy() for name in table.column_names}
     events = {name: np.asarray(values) for name, values in metadata["events"].items()}
-    return Trial(
-        columns, events, metadata["outcome"], metadata["config"], metadata["seed"], metadata.get("drawn", {})
-    )
+    return Trial(columns, events, metadata["outcome"], metadata["config"], metadata["seed"], metadata.get("drawn", {}))

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from prosthesis_gym.cli.parsers import Commands, check_overwrite, new_parser
 from prosthesis_gym.cli.trial_options import add_controller_argument, add_trial_options, configure
+from prosthesis_gym.draws import drawn_line, left_to_chance
+from prosthesis_gym.progress import waiting
 from prosthesis_gym.rendering.clip import check_clip_path, check_frame_rate, save_clip, save_picture
 from prosthesis_gym.rendering.renderer import check_size
 from prosthesis_gym.trial import run_trial
@@ -65,7 +67,8 @@ def run(arguments: argparse.Namespace) -> None:
     config, policy = configure(arguments)
     trial = run_trial(config, policy=policy, seed=arguments.seed)
     if out.suffix == ".png":
-        save_picture(trial, out, at_s=arguments.at, size=arguments.size)
+        with waiting(f"drawing {out}"):
+            save_picture(trial, out, at_s=arguments.at, size=arguments.size)
         shown = "a picture" if arguments.at is not None else "a strip"
     else:
         frames = save_clip(
@@ -77,5 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
             size=arguments.size or (1280, 720),
         )
         shown = f"{frames} frames"
+    if drawn := left_to_chance(trial):
+        print(drawn_line(trial.seed, drawn))
     print(f"{trial.outcome} after {trial.end_s:.2f} s")
     print(f"wrote {out}: {shown}")
