@@ -37,6 +37,9 @@ def _speeds(trial: Trial) -> dict[str, float]:
     scenario, drawn = trial.config["scenario"], trial.drawn
     if isinstance(scenario["speed_m_s"], float):
         return {}
+    change_s = scenario["speed_change_s"]
+    if isinstance(change_s, float) and change_s >= scenario["duration_s"]:
+        return {"speed_m_s": drawn["first_speed_m_s"]}
     return {"first_speed_m_s": drawn["first_speed_m_s"], "last_speed_m_s": drawn["last_speed_m_s"]}
 
 
@@ -58,7 +61,10 @@ def _variant(trial: Trial, index: int) -> dict[str, Any]:
 
 def drawn_line(seed: int, drawn: Mapping[str, Any]) -> str:
     """Say in a line what was drawn."""
-    shown = (
-        f"{name} = {value:.4g}" if isinstance(value, float) else f"{name} = {value}" for name, value in drawn.items()
-    )
-    return f"drawn with seed {seed}: {', '.join(shown)}"
+    return f"drawn with seed {seed}: " + ", ".join(f"{name} = {_shown(value)}" for name, value in drawn.items())
+
+
+def _shown(value: object) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.0f}" if value.is_integer() else f"{value:.4g}"

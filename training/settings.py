@@ -12,6 +12,7 @@ from typing import Any, Self
 from prosthesis_gym.config import Config, apply_settings, merge, resolve
 from prosthesis_gym.evaluation import HELD_OUT_SEED
 from prosthesis_gym.files import read_toml
+from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
 
@@ -58,7 +59,7 @@ def _with_presets(env: Mapping[str, Any]) -> Config:
             if not isinstance(preset, str):
                 raise ValueError(f"{key}.preset = {preset!r} must be a name or a path")
             base = merge(base, load(preset))
-    return merge(base, sections)
+    return laid_over([Layer(base, given=False), Layer(sections)])
 
 
 def _section(name: str, table: object) -> Mapping[str, Any]:
