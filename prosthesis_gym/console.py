@@ -4,6 +4,9 @@ import codecs
 import io
 import sys
 import unicodedata
+from argparse import ArgumentParser
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 _HANDLER = "prosthesis_gym.spelt"
 _SPELT = {
@@ -54,3 +57,14 @@ def spell_what_cannot_be_encoded() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors=_HANDLER)
+
+
+@contextmanager
+def clean_exit(parser: ArgumentParser) -> Iterator[None]:
+    """Let a command end with one line and exit code 2 where the user is to blame, and with 130 at Ctrl-C."""
+    try:
+        yield
+    except (ValueError, OSError, ModuleNotFoundError) as error:
+        parser.exit(2, f"{parser.prog}: error: {error}\n")
+    except KeyboardInterrupt:
+        parser.exit(130)

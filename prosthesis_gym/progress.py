@@ -39,6 +39,8 @@ def _patient(
     # A timer, because what takes long may be a single call.
     timer = threading.Timer(_PATIENCE_S, bar.start)
     timer.daemon = True
+    # In a log, a bar would leave empty lines alone.
+    shown = shown and (bar.console.is_terminal or bar.console.is_jupyter)
     if shown:
         timer.start()
     try:

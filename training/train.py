@@ -60,9 +60,14 @@ def _main(options: argparse.Namespace) -> int:
         trainer = Trainer(settings, folder, resume=resume, quiet=options.quiet, tell=errors.print)
     with closing(trainer):
         console.print(f"{settings.num_envs} walkers, run in {folder}; Ctrl-C stops and saves")
-        number = trainer.run()
+        go_on = f"go on with: python -m training.train --resume {folder}"
+        try:
+            number = trainer.run()
+        except OSError:
+            errors.print(f"stopped by an error, below; when it is mended, {go_on}")
+            raise
         if number:
-            console.print(f"stopped; go on with: python -m training.train --resume {folder}")
+            console.print(f"stopped; {go_on}")
             return 128 + number
         write_report(folder, settings, trainer.threads, console)
     return 0
