@@ -153,6 +153,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         for name in ("steps", "walkers", "report_every"):
             if getattr(options, name) < 1:
                 raise ValueError(f"--{name.replace('_', '-')} = {getattr(options, name)} must be at least 1")
+        if options.seed < 0:
+            raise ValueError(f"--seed = {options.seed} must be 0 or more")
         if options.env not in gymnasium.registry:
             known = ", ".join(device.env_id for device in DEVICES.values())
             raise ValueError(f"--env = {options.env!r} must be one of {known}")

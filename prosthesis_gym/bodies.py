@@ -1,7 +1,8 @@
 """Bodies of other mass and height than Table 1's."""
 
-import numbers
 from typing import Final
+
+import numpy as np
 
 from prosthesis_gym.config import Config, resolve
 
@@ -36,7 +37,7 @@ def scaled_body(mass_kg: float | None = None, height_m: float | None = None) -> 
     mass_kg = table_kg if mass_kg is None else mass_kg
     height_m = HEIGHT_M if height_m is None else height_m
     for name, value, (low, high) in (("mass_kg", mass_kg, MASS_RANGE_KG), ("height_m", height_m, HEIGHT_RANGE_M)):
-        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
             raise ValueError(f"{name} = {value} must be a number in [{low:g}, {high:g}]")  # noqa: TRY004
         if not low <= value <= high:
             raise ValueError(f"{name} = {value} is outside its allowed range [{low:g}, {high:g}]")

@@ -44,7 +44,7 @@ def _ascii(character: str) -> str:
         return _SPELT[character]
     name = unicodedata.name(character, "")
     if name.startswith("BOX DRAWINGS"):
-        return "-" if name.endswith("HORIZONTAL") else "|" if name.endswith("VERTICAL") else "+"
+        return "+" if " AND " in name else "-" if name.endswith("HORIZONTAL") else "|"
     bare = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
     return bare or "?"
 

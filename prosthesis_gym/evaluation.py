@@ -120,10 +120,14 @@ def evaluate(
         ValueError: impossible arguments or actions, or a setting of `config` that has no effect.
 
     """
-    if not 1 <= episodes <= 1_000_000:
-        raise ValueError(f"episodes = {episodes} is outside its allowed range [1, 1000000]")
-    if not 0 <= seed < 2**63:
-        raise ValueError(f"seed = {seed} is outside its allowed range [0, 2^63)")
+    for name, value, low, high, shown in (
+        ("episodes", episodes, 1, 1_000_001, "[1, 1000000]"),
+        ("seed", seed, 0, 2**63, "[0, 2^63)"),
+    ):
+        if isinstance(value, bool) or not isinstance(value, int | np.integer):
+            raise ValueError(f"{name} = {value!r} must be a whole number in {shown}")  # noqa: TRY004 - as all bad values
+        if not low <= value < high:
+            raise ValueError(f"{name} = {value} is outside its allowed range {shown}")
     # "next_step" because the batch goes on when some have ended; of each walker the first episode alone counts.
     resolved = resolve(driven(checked(config, controller, scenario), controller))
     walkers = Walkers(episodes, resolved, [_STANDS_STILL], "next_step", threads)

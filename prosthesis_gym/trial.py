@@ -2,7 +2,6 @@
 
 import csv
 import json
-import operator
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -89,7 +88,9 @@ def run_trial(
         ValueError: impossible configuration, seed or actions; names key, value and range.
 
     """
-    if not 0 <= operator.index(seed) < 2**64:
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
+        raise ValueError(f"seed = {seed!r} must be a whole number in [0, 2^64)")  # noqa: TRY004 - as all bad values
+    if not 0 <= seed < 2**64:
         raise ValueError(f"seed = {seed} is outside its allowed range [0, 2^64)")
     if duration_s is not None:
         config = merge(config, {"scenario": {"duration_s": duration_s}})
@@ -112,7 +113,7 @@ def run_trial(
                 show(CONTROL_PERIOD_S * resolved["action"]["hold"] * steps)
     columns, events = batch.recording(), batch.events()
     outcome = _early_outcome(_core.REASONS[step.reasons[0]]) if ended_early else _upright_outcome(columns, events)
-    return Trial(columns, events, outcome, resolved, seed, drawn)
+    return Trial(columns, events, outcome, resolved, int(seed), drawn)
 
 
 def _early_outcome(reason: str) -> str:

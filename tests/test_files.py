@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from policies import save_policy
 
 from prosthesis_gym import ProsthesisVectorEnv
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.config import load_config, resolve
 from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.files import atomic_folder, atomic_write
-from prosthesis_gym.policy import Normalisation, Policy
+from prosthesis_gym.policy import Policy
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.trial import run_trial
@@ -27,14 +28,6 @@ TOML = {
     Settings.load: "[training]\nseed = 3\n",
 }
 CSV = "time_s,speed_m_s,walk\n0,1.1,0\n1,1.1,1\n"
-
-
-def save_policy(folder: Path, gain: float = 0.3) -> Policy:
-    config = {"action": {"mode": "residual", "hold": 4}, "observation": {"frames": 1}}
-    layer = (np.full((8, 1), gain, dtype=np.float32), np.zeros(1, np.float32))
-    policy = Policy([layer], Normalisation(np.zeros(8), np.ones(8)), config)
-    policy.save(folder)
-    return policy
 
 
 @pytest.mark.parametrize("reader", TOML, ids=lambda reader: reader.__qualname__)
@@ -147,8 +140,12 @@ def test_content_is_on_the_disk_before_its_name_and_the_name_before_the_return(
         calls.append(f"sync {Path(f'/proc/self/fd/{handle}').readlink().name}")
         sync(handle)
 
+    def replace(old: Path, new: Path) -> None:
+        calls.append("rename")
+        rename(old, new)
+
     monkeypatch.setattr(os, "fsync", fsync)
-    monkeypatch.setattr(os, "replace", lambda old, new: (calls.append("rename"), rename(old, new)))
+    monkeypatch.setattr(os, "replace", replace)
     with atomic_write(tmp_path / "a.txt") as temporary:
         temporary.write_text("x")
     assert calls == [f"sync {temporary.name}", "rename", f"sync {tmp_path.name}"]

@@ -78,7 +78,7 @@ def walked(config: Config) -> NDArray[np.float64]:
     """Everything that eight walkers hand out in half a second."""
     resolved = resolve(config)
     batch = _core.Batch(8, resolved, "next_step", 1)
-    handed = [batch.reset(np.arange(8, dtype=np.uint64), None).astype(np.float64)]
+    handed: list[NDArray[Any]] = [batch.reset(np.arange(8, dtype=np.uint64), None)]
     rng = np.random.default_rng(0)
     for _ in range(100):
         step = batch.step(rng.uniform(-1.0, 1.0, 8 * _core.action_size(resolved)))
