@@ -8,6 +8,7 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from prosthesis_gym import _core
+from prosthesis_gym.arguments import file_path
 from prosthesis_gym.files import read_toml
 
 Config = dict[str, Any]
@@ -49,7 +50,7 @@ def read_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
         return {}
     if isinstance(source, Mapping):
         return merge({}, plain(source))
-    return read_toml(source)
+    return read_toml(file_path("config", source))
 
 
 def plain(value: Any, key: str = "") -> Any:  # noqa: ANN401 - a configuration's values are of any type
@@ -130,6 +131,8 @@ def apply_settings(config: Mapping[str, Any], settings: Iterable[str]) -> Config
     """
     merged = merge({}, config)
     for setting in settings:
+        if not isinstance(setting, str):
+            raise ValueError(f"setting {setting!r} must have the form section.key=value")  # noqa: TRY004
         path, equals, text = setting.partition("=")
         *sections, key = path.strip().split(".")
         if not (equals and key and all(sections)):

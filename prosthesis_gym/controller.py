@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.channels import call_with_channels
-from prosthesis_gym.config import Config, merge, resolve
+from prosthesis_gym.config import Config, merge, read_config, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.scenarios import load_scenario
@@ -41,7 +41,9 @@ def require_one_action(config: Mapping[str, Any]) -> None:
         raise ValueError(f"action.mode = {mode!r} takes {size} numbers per walker, a controller gives 1")
 
 
-def checked(config: Mapping[str, Any], controller: Controller | None, scenario: str | Path | None = None) -> Config:
+def checked(
+    config: str | Path | Mapping[str, Any] | None, controller: Controller | None, scenario: str | Path | None = None
+) -> Config:
     """Return `config` over the scenario, if there is one.
 
     Raises:
@@ -49,7 +51,9 @@ def checked(config: Mapping[str, Any], controller: Controller | None, scenario: 
             instead (`action`, `observation`) is no such setting.
 
     """
-    layers = [Layer({} if scenario is None else load_scenario(scenario), given=False), Layer(config)]
+    layers = [Layer({} if scenario is None else load_scenario(scenario), given=False), Layer(read_config(config))]
+    if controller is not None and not all(callable(getattr(controller, name, None)) for name in ("configure", "act")):
+        raise ValueError(f"controller {controller!r} must have the methods configure and act")
     if controller is None:
         return laid_over(layers)
     return laid_over(layers, controller.configure, ignored=CONTROLLERS_OWN)
@@ -117,6 +121,8 @@ class SensorController:
     def __init__(self, command: Callable[[Readings], ArrayLike], device: str = "damper", *, hold: int = 1) -> None:
         if device not in DEVICES:
             raise ValueError(f"device = {device!r} must be one of {', '.join(DEVICES)}")
+        if not callable(command):
+            raise ValueError(f"command = {command!r} must be a function of the readings")  # noqa: TRY004
         self.device = device
         self.hold = hold
         self._command = command

@@ -17,9 +17,9 @@ def left_to_chance(trial: Trial) -> dict[str, Any]:
 
     Values are as drawn at full difficulty, in the unit that their name ends with; `push_n` is negative backward.
     """
-    scenario, drawn = trial.config["scenario"], trial.drawn
-    if not drawn:
+    if not (drawn := trial.drawn):
         return {}
+    scenario = trial.config["scenario"]
     found: dict[str, Any] = {}
     if scenario["start"] == "random":
         found["start"] = _STARTS[drawn["start"]]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from prosthesis_gym import _core
+from prosthesis_gym.arguments import whole_number
 from prosthesis_gym.config import CONTROL_PERIOD_S, resolve
 from prosthesis_gym.controller import Controller, actions_of, checked, driven
 from prosthesis_gym.reward_terms import RewardTerm
@@ -101,7 +102,7 @@ class EvaluationResult:
 
 def evaluate(
     controller: Controller | None,
-    config: Mapping[str, Any],
+    config: str | Path | Mapping[str, Any] | None,
     *,
     scenario: str | Path | None = None,
     episodes: int = 512,
@@ -111,23 +112,20 @@ def evaluate(
 ) -> EvaluationResult:
     """Run `episodes` episodes with the seeds `seed`, `seed + 1`, ... in one batch.
 
-    A controller (a policy, or one's own) brings its knee unit and its sections `action` and `observation`; a `config`
-    that names another knee unit is a ValueError. Without one, the state machine drives the knee, or a constant command
-    if `action.mode` is "constant". `scenario` (one of `prosthesis_gym.SCENARIOS`, or a file) is what the walkers meet;
-    `config` overrides it. `progress` is called with the env steps done and the most there can be.
+    `config` is a mapping, a TOML file, or None for the defaults. A controller (a policy, or one's own) brings its knee
+    unit and its sections `action` and `observation`; a `config` that names another knee unit is a ValueError. Without
+    one, the state machine drives the knee, or a constant command if `action.mode` is "constant". `scenario` (one of
+    `prosthesis_gym.SCENARIOS`, or a file) is what the walkers meet; `config` overrides it. `progress` is called with
+    the env steps done and the most there can be.
 
     Raises:
         ValueError: impossible arguments or actions, or a setting of `config` that has no effect.
 
     """
-    for name, value, low, high, shown in (
-        ("episodes", episodes, 1, 1_000_001, "[1, 1000000]"),
-        ("seed", seed, 0, 2**63, "[0, 2^63)"),
-    ):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            raise ValueError(f"{name} = {value!r} must be a whole number in {shown}")  # noqa: TRY004 - as all bad values
-        if not low <= value < high:
-            raise ValueError(f"{name} = {value} is outside its allowed range {shown}")
+    episodes, seed = (
+        whole_number("episodes", episodes, 1, 1_000_000),
+        whole_number("seed", seed, 0, 2**63 - 1, "2^63 - 1"),
+    )
     # "next_step" because the batch goes on when some have ended; of each walker the first episode alone counts.
     resolved = resolve(driven(checked(config, controller, scenario), controller))
     walkers = Walkers(episodes, resolved, [_STANDS_STILL], "next_step", threads)

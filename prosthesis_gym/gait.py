@@ -117,7 +117,13 @@ def mean_powers(trial: Trial, begin_s: float, end_s: float) -> dict[str, float]:
 
     Knee: of the gear on the knee. Rotor: of the motor's torque on its rotor, its positive and its negative part too.
     Electrical: drawn from the supply and what could be returned to it. Joule: lost in the windings.
+
+    Raises:
+        ValueError: a knee without a motor, or a window outside the trial.
+
     """
+    if (kind := trial.config["device"]["kind"]) != "motor":
+        raise ValueError(f"mean powers are those of a motor knee, and this one is {kind!r}")
     time = trial["time_s"]
     if not 0.0 <= begin_s < end_s <= time[-1]:
         raise ValueError(
@@ -143,11 +149,11 @@ def stride_json(trial: Trial, powers: dict[str, float] | None = None) -> str:
     content: dict[str, object] = {
         "outcome": trial.outcome,
         "end_s": trial.end_s,
-        "seed": trial.seed,
-        "drawn": left_to_chance(trial),
         "strides": [dataclasses.asdict(stride) for stride in strides],
         "summary": summary(strides),
     }
+    if trial.drawn:
+        content |= {"seed": trial.seed, "drawn": left_to_chance(trial)}
     if powers is not None:
         content["mean_powers"] = powers
     return json.dumps(_without_nan(content), indent=2, allow_nan=False)

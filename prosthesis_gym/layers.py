@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from prosthesis_gym import _core
 from prosthesis_gym.config import Config, is_section, merge, plain, resolve
 from prosthesis_gym.devices import DEVICES
 
@@ -50,12 +51,12 @@ class _Use:
     #: What must hold, for the message.
     needs: str
     holds: Callable[[_View], bool]
-    #: Key that turns them on and off, if there is one: beside it, they may stand unread.
-    switch: str | None = None
+    #: Keys or sections beside which they may stand unread: what turns them on and off, or others of their kind.
+    beside: Sequence[str] = ()
 
 
 def _switched(switch: str, *keys: str) -> _Use:
-    return _Use(keys, f"{switch} other than 0", lambda view: view.is_on(switch), switch)
+    return _Use(keys, f"{switch} other than 0", lambda view: view.is_on(switch), [switch])
 
 
 def _chosen(key: str, values: Sequence[str], keys: Sequence[str]) -> _Use:
@@ -80,6 +81,20 @@ _USES: Sequence[_Use] = (
         ["action.max_stiffness_nm_rad", "action.max_damping_nms_rad", "action.max_rest_angle_deg"],
     ),
     _chosen("action.mode", ["direct", "residual", "impedance"], ["action.latch"]),
+    # What is wrong with all sensors may be said of a motor's as well, whatever the knee.
+    _Use(
+        ["sensors.motor_position", "sensors.motor_speed", "sensors.motor_current"],
+        "device.kind = 'motor'",
+        lambda view: view["device.kind"] == "motor",
+        ["sensors.knee_encoder"],
+    ),
+    # So may the weights of all terms of the reward.
+    _Use(
+        ["reward.electricity"],
+        "device.kind = 'motor'",
+        lambda view: view["device.kind"] == "motor",
+        [f"reward.{term}" for term in _core.TERMS if term != "electricity"],
+    ),
     _chosen(
         "socket.connection",
         ["compliant"],
@@ -124,7 +139,7 @@ _USES: Sequence[_Use] = (
         ["scenario.walk_s"],
         "scenario.start = 'standing' or 'random'",
         lambda view: view["scenario.start"] != "cyclic",
-        "scenario.start",
+        ["scenario.start"],
     ),
 )
 
@@ -165,7 +180,7 @@ def _refuse_idle(layer: Layer, below: Config, final: _View, ignored: Sequence[st
         for use in _USES:
             if not any(key == one or key.startswith(f"{one}.") for one in use.keys) or use.holds(final):
                 continue
-            if use.switch is not None and _names(layer.config, use.switch):
+            if any(_names(layer.config, other) for other in use.beside):
                 continue
             if not _holds_below(use, below):
                 raise ValueError(f"{shown} has no effect: it needs {use.needs}{_instead(use, final)}")
@@ -194,7 +209,7 @@ def _complete_sections(config: Mapping[str, Any]) -> list[str]:
 
 
 def _names(config: Mapping[str, Any], key: str) -> bool:
-    return any(name == key for name, _ in _entries(config))
+    return any(name == key or name.startswith(f"{key}.") for name, _ in _entries(config))
 
 
 def _entries(config: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:

@@ -21,6 +21,7 @@ import safetensors.numpy
 from numpy.typing import ArrayLike, NDArray
 from safetensors import SafetensorError
 
+from prosthesis_gym.arguments import file_path
 from prosthesis_gym.config import Config, merge, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.files import atomic_write, read_json
@@ -165,7 +166,7 @@ class Policy:
             ValueError: no policy there, or a damaged or foreign file; names it.
 
         """
-        found = _policy_folder(Path(folder))
+        found = _policy_folder(file_path("folder", folder))
         path = found / DESCRIPTION_FILE
         description = read_json(path)
         try:

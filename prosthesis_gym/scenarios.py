@@ -9,6 +9,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
+from prosthesis_gym.arguments import file_path
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.config import Config, resolve
 from prosthesis_gym.files import read_text, read_toml
@@ -47,7 +48,7 @@ def load_scenario(source: str | Path) -> Config:
     """
     if isinstance(source, str) and source in SCENARIOS:
         return _completed(tomllib.loads(_preset_text(str(source))), str(source))
-    path = Path(source)
+    path = file_path("scenario", source)
     if path.suffix == ".toml" and path.is_file():
         return _completed(read_toml(path), str(path))
     if path.suffix == ".csv" and path.is_file():

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import CONTROL_PERIOD_S, merge, resolve
+from prosthesis_gym.arguments import whole_number
+from prosthesis_gym.config import CONTROL_PERIOD_S, merge, read_config, resolve
 from prosthesis_gym.controller import Controller, actions_of, checked, driven
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
@@ -71,7 +72,7 @@ class Trial:
 
 
 def run_trial(
-    config: Mapping[str, Any],
+    config: str | Path | Mapping[str, Any] | None = None,
     *,
     policy: Controller | None = None,
     duration_s: float | None = None,
@@ -80,18 +81,17 @@ def run_trial(
 ) -> Trial:
     """Walk one walker until it falls or its time is over.
 
-    A policy, or another controller, brings its knee unit and its sections `action` and `observation`; a `config` that
-    names another knee unit is a ValueError. Without one, the state machine drives the knee, or a constant command if
-    `action.mode` is "constant". `duration_s` replaces `scenario.duration_s`.
+    `config` is a mapping, a TOML file, or None for the defaults. A policy, or another controller, brings its knee unit
+    and its sections `action` and `observation`; a `config` that names another knee unit is a ValueError. Without one,
+    the state machine drives the knee, or a constant command if `action.mode` is "constant". `duration_s` replaces
+    `scenario.duration_s`.
 
     Raises:
         ValueError: impossible configuration, seed or actions; names key, value and range.
 
     """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer):
-        raise ValueError(f"seed = {seed!r} must be a whole number in [0, 2^64)")  # noqa: TRY004 - as all bad values
-    if not 0 <= seed < 2**64:
-        raise ValueError(f"seed = {seed} is outside its allowed range [0, 2^64)")
+    seed = whole_number("seed", seed, 0, 2**64 - 1, "2^64 - 1")
+    config = read_config(config)
     if duration_s is not None:
         config = merge(config, {"scenario": {"duration_s": duration_s}})
     resolved = resolve(driven(checked(config, policy), policy))
@@ -113,7 +113,7 @@ def run_trial(
                 show(CONTROL_PERIOD_S * resolved["action"]["hold"] * steps)
     columns, events = batch.recording(), batch.events()
     outcome = _early_outcome(_core.REASONS[step.reasons[0]]) if ended_early else _upright_outcome(columns, events)
-    return Trial(columns, events, outcome, resolved, int(seed), drawn)
+    return Trial(columns, events, outcome, resolved, seed, drawn)
 
 
 def _early_outcome(reason: str) -> str:

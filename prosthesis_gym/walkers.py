@@ -9,6 +9,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
+from prosthesis_gym.arguments import whole_number
 from prosthesis_gym.config import CONTROL_PERIOD_S, Config, merge, read_config, resolve
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step
@@ -109,10 +110,9 @@ class Walkers:
         autoreset: Literal["next_step", "same_step", "disabled"] = "next_step",
         threads: int | None = None,
     ) -> None:
-        if not 1 <= num_envs <= _core.MOST_ENVIRONMENTS:  # before terms of one's own make room for them
-            raise ValueError(f"num_envs = {num_envs} is outside its allowed range [1, {_core.MOST_ENVIRONMENTS}]")
-        if threads is not None and not 1 <= threads <= MOST_THREADS:
-            raise ValueError(f"threads = {threads} is outside its allowed range [1, {MOST_THREADS}]")
+        whole_number("num_envs", num_envs, 1, _core.MOST_ENVIRONMENTS)  # before terms of one's own make room for them
+        if threads is not None:
+            whole_number("threads", threads, 1, MOST_THREADS)
         self.terms = RewardTerms(config, reward_terms, num_envs)
         self.batch = _core.Batch(num_envs, self.terms.core_config, autoreset, threads)
         self.num_envs = num_envs

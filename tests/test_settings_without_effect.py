@@ -149,6 +149,7 @@ DOORS: dict[str, Callable[[Config], object]] = {
         ({"scenario": {"randomise": {"motor.gear_ratio": [50.0, 60.0]}}}, r"motor\.gear_ratio of scenario\.randomise"),
         ({"scenario": {"variants": [{"motor": {"gear_ratio": 9.0}}]}}, r"motor\.gear_ratio of scenario\.variants\[0\]"),
         ({"ground": {"stair_count": 3}}, r"ground\.stair_count = 3 .*ground\.stair_rise_m other than 0"),
+        ({"reward": {"electricity": -1.0}}, r"reward\.electricity = -1.0 has no effect"),
         ({"tube": {"damping_ratio": 0.3}}, r"tube\.damping_ratio = 0.3 .*tube\.connection = 'compliant'"),
     ],
 )
@@ -166,6 +167,8 @@ def test_every_door_refuses_the_same(door: str, config: Config, message: str) ->
         {"scenario": {"randomise": {"ground.roughness_m": [0.0, 0.01]}}, "ground": {"roughness_length_m": 0.5}},
         {"scenario": {"start": "cyclic", "walk_s": 1.0, "speed_m_s": 1.1, "speed_change_s": 100.0}},
         {"scenario": {"randomise": {"sensors.motor_speed.noise": [0.0, 1.0]}}},  # faults of whatever sensors there are
+        {"sensors": {"motor_speed": {"noise": 1.0}, "knee_encoder": {"noise": 0.01}}},
+        {"reward": {"electricity": -1.0, "fall": -20.0}},  # weights for any knee
         {"knee": {"spring_nm_rad": 1.0}, "state_machine": {"recovery": False}},
     ],
 )
