@@ -132,6 +132,9 @@ class ProgressCallback(BaseCallback):
 
     def _on_training_start(self) -> None:
         self._began = (time.perf_counter(), self._env.core_seconds, self.num_timesteps)
+
+    def open(self) -> None:
+        """Put the bar on the screen, before learning resets the environment, which takes a while by itself."""
         self._bar.start()
 
     def _on_training_end(self) -> None:

@@ -21,6 +21,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 from prosthesis_gym.evaluation import VALIDATION_SEED, evaluate
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.policy import Policy
+from prosthesis_gym.progress import waiting
 from prosthesis_gym.sb3 import ProsthesisVecEnv
 from training.callbacks import (
     CurriculumCallback,
@@ -174,12 +175,14 @@ class Trainer:
                 callbacks.append(self.curriculum)
             if remaining > 0:
                 try:
+                    bar.open()
                     self.model.learn(remaining, CallbackList(callbacks), reset_num_timesteps=False)
                 finally:
                     bar.close()
                 checkpoint()
             if remaining > 0 or self.log.last_steps != self.progress.steps:
-                evaluation()
+                with waiting("validating", shown=not self.quiet):
+                    evaluation()
             return signals.received or 0
 
     def policy(self) -> Policy:
