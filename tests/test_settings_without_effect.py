@@ -223,6 +223,32 @@ def test_options_of_walk_that_do_nothing_are_refused(
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (["scenarios", "--device", "motor"], "--device motor needs --episodes"),
+        (["render", "--out", "x.png", "--fps", "25"], "--fps 25: x.png is no clip"),
+        (["render", "--out", "x.png", "--slow-motion", "2"], "--slow-motion 2: x.png is no clip"),
+        (["bodies", "--set", "ankle.stiffness_nm_rad=600"], "--set ankle.stiffness_nm_rad=600: each body has its own"),
+        (["bodies", "--set", "body.thigh_mass_kg=9"], "--set body.thigh_mass_kg=9: each body has its own"),
+        (["bodies", "--set", "friction_knee.set_friction_nm=9"], "friction_knee.set_friction_nm = 9 has no effect"),
+    ],
+)
+def test_options_of_other_commands_that_do_nothing_are_refused(
+    command: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(command) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_difficulty_to_start_with_needs_a_curriculum() -> None:
+    with pytest.raises(ValueError, match=r"training\.start_difficulty = 0.5 has no effect"):
+        Settings.read({"training": {"start_difficulty": 0.5}})
+    assert (
+        Settings.read({"training": {"start_difficulty": 0.5, "curriculum_steps": 10}}).training.start_difficulty == 0.5
+    )
+
+
 def test_what_an_episode_drew_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     walk = ["walk", "--scenario", "everything", "--seed", "3", "--solver", "fast", "--duration", "1"]
     assert main(walk) == 0

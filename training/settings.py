@@ -190,6 +190,11 @@ class Settings:
             )
         policy = PolicySettings.read("policy", table.get("policy", {}))
         training = TrainingSettings.read("training", table.get("training", {}))
+        if "start_difficulty" in table.get("training", {}) and training.curriculum_steps == 0:
+            raise ValueError(
+                f"training.start_difficulty = {training.start_difficulty} has no effect: it needs "
+                "training.curriculum_steps other than 0"
+            )
         return cls(num_envs, env, ppo, policy, training, table)
 
     def to_toml(self) -> str:
