@@ -12,15 +12,20 @@ import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.running_mean_std import RunningMeanStd
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.extras import missing
 from prosthesis_gym.reward_terms import RewardTerm
 from prosthesis_gym.vector_env import ProsthesisVectorEnv
+
+try:
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.running_mean_std import RunningMeanStd
+    from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
+except ModuleNotFoundError as error:
+    raise missing(error.name or "stable_baselines3", "train") from error
 
 OBSERVATION_EPSILON = 1e-8
 """Added to the variance that normalised observations are divided by the root of."""

@@ -9,13 +9,17 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
+from prosthesis_gym.arguments import whole_number
 from prosthesis_gym.config import CONTROL_PERIOD_S, Config, merge, read_config, resolve
+from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.state import seal, unseal
 
 Observations = NDArray[np.float32]
+
+MOST_THREADS = 1024
 
 
 def environment_config(
@@ -35,13 +39,18 @@ def environment_config(
         device: replaces `device.kind`, if given.
         max_episode_steps: replaces `scenario.duration_s`, in env steps, if given.
 
+    Raises:
+        ValueError: impossible configuration, or a setting of `source` that has no effect.
+
     """
-    config: Config = {} if scenario is None else load_scenario(scenario)
-    if reward is not None:
-        config = merge(config, load_reward(reward))
-    config = merge(config, read_config(source))
-    if device is not None:
-        config = merge(config, {"device": {"kind": device}})
+    config = laid_over(
+        [
+            Layer({} if scenario is None else load_scenario(scenario), given=False),
+            Layer({} if reward is None else load_reward(reward), given=False),
+            Layer(read_config(source)),
+            Layer({} if device is None else {"device": {"kind": device}}),
+        ]
+    )
     if max_episode_steps is not None:
         config = _limited(config, max_episode_steps)
     return resolve(config)
@@ -101,8 +110,9 @@ class Walkers:
         autoreset: Literal["next_step", "same_step", "disabled"] = "next_step",
         threads: int | None = None,
     ) -> None:
-        if not 1 <= num_envs <= _core.MOST_ENVIRONMENTS:  # before terms of one's own make room for them
-            raise ValueError(f"num_envs = {num_envs} is outside its allowed range [1, {_core.MOST_ENVIRONMENTS}]")
+        whole_number("num_envs", num_envs, 1, _core.MOST_ENVIRONMENTS)  # before terms of one's own make room for them
+        if threads is not None:
+            whole_number("threads", threads, 1, MOST_THREADS)
         self.terms = RewardTerms(config, reward_terms, num_envs)
         self.batch = _core.Batch(num_envs, self.terms.core_config, autoreset, threads)
         self.num_envs = num_envs
