@@ -124,9 +124,16 @@ _USES: Sequence[_Use] = (
         lambda view: view.is_on("ground.step_height_m") or view.is_on("ground.stair_rise_m"),
     ),
     _Use(
-        ["scenario.push_n", "scenario.push_s", "scenario.push_duration_s", "scenario.push_phase"],
+        ["scenario.push_s", "scenario.push_duration_s", "scenario.push_phase"],
         "an empty list scenario.pushes",
         lambda view: not view["scenario.pushes"],
+    ),
+    # A list that is given with what it replaces may have been laid over it on purpose.
+    _Use(
+        ["scenario.push_n"],
+        "an empty list scenario.pushes",
+        lambda view: not view["scenario.pushes"],
+        ["scenario.pushes"],
     ),
     _switched("scenario.push_n", "scenario.push_s", "scenario.push_duration_s", "scenario.push_phase"),
     _switched("scenario.gust.force_n", "scenario.gust.duration_s", "scenario.gust.pause_s"),
@@ -134,6 +141,7 @@ _USES: Sequence[_Use] = (
         ["scenario.speed_m_s", "scenario.speed_change_s", "scenario.walk_s"],
         "an empty list scenario.profile",
         lambda view: not view["scenario.profile"],
+        ["scenario.profile"],
     ),
     _Use(
         ["scenario.walk_s"],

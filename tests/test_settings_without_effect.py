@@ -144,8 +144,7 @@ DOORS: dict[str, Callable[[Config], object]] = {
         ),
         ({"sensors": {"motor_speed": {"noise": 1.0}}}, r"sensors\.motor_speed\.noise = 1.0 has no effect"),
         ({"scenario": {"gust": {"pause_s": 1.0}}}, r"scenario\.gust\.pause_s = 1.0 .*gust\.force_n other than 0"),
-        ({"scenario": {"pushes": [PUSH], "push_n": 5.0}}, r"scenario\.push_n = 5.0 .*empty list scenario\.pushes"),
-        ({"scenario": {"profile": PROFILE, "speed_m_s": 1.0}}, r"scenario\.speed_m_s = 1.0 .*scenario\.profile"),
+        ({"scenario": {"pushes": [PUSH], "push_s": 5.0}}, r"scenario\.push_s = 5.0 .*empty list scenario\.pushes"),
         ({"scenario": {"randomise": {"motor.gear_ratio": [50.0, 60.0]}}}, r"motor\.gear_ratio of scenario\.randomise"),
         ({"scenario": {"variants": [{"motor": {"gear_ratio": 9.0}}]}}, r"motor\.gear_ratio of scenario\.variants\[0\]"),
         ({"ground": {"stair_count": 3}}, r"ground\.stair_count = 3 .*ground\.stair_rise_m other than 0"),
@@ -162,6 +161,7 @@ def test_every_door_refuses_the_same(door: str, config: Config, message: str) ->
     "config",
     [
         {"scenario": {"push_n": 0.0, "push_s": 3.0}},  # the baseline of a sweep over forces
+        {"scenario": {"profile": PROFILE, "speed_m_s": 1.0, "walk_s": 1.0, "pushes": [PUSH], "push_n": 0.0}},  # merged
         {"scenario": {"gust": {"force_n": 0.0, "duration_s": 1.0}}},
         {"ground": {"roughness_m": 0.0, "roughness_seed": 3}},
         {"scenario": {"randomise": {"ground.roughness_m": [0.0, 0.01]}}, "ground": {"roughness_length_m": 0.5}},
@@ -188,6 +188,21 @@ def test_presets_are_for_every_knee_and_what_came_of_them_is_taken_again(scenari
     assert evaluate(None, again, episodes=2).episodes == 2
     assert run_trial(again, progress=False).config["device"]["kind"] == kind
     ProsthesisVectorEnv(1, load_scenario(scenario), device=kind)
+
+
+def test_a_setting_is_refused_over_a_scenario_in_which_nothing_reads_it() -> None:
+    for config, message in (
+        ({"scenario": {"speed_m_s": 1.3}}, r"scenario\.speed_m_s = 1.3 has no effect: it needs an empty list"),
+        ({"scenario": {"walk_s": 0.3}}, r"scenario\.walk_s = 0.3 has no effect"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            ProsthesisEnv(config, scenario="steady")
+        with pytest.raises(ValueError, match=message):
+            evaluate(None, config, scenario="steady", episodes=2)
+    assert ProsthesisEnv({"scenario": {"push_n": 0.0}}, scenario="pushes").config["scenario"]["push_phase"] == [
+        0.0,
+        0.9,
+    ]
 
 
 def test_a_later_layer_may_replace_what_a_setting_goes_with(tmp_path: Path) -> None:
