@@ -15,6 +15,7 @@ import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+from prosthesis_gym import TerminationReason
 from prosthesis_gym.evaluation import EvaluationResult
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.sb3 import ProsthesisVecEnv
@@ -144,7 +145,7 @@ class ProgressCallback(BaseCallback):
     def _on_step(self) -> bool:
         infos = self.locals["infos"]
         for index in np.flatnonzero(self.locals["dones"]):
-            self._fell.append(infos[index]["termination_reason"] != "time_limit")
+            self._fell.append(infos[index]["termination_reason"] != TerminationReason.TIME_LIMIT)
             self._terms.append(infos[index]["episode_terms"])
         return True
 

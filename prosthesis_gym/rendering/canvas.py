@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -23,10 +23,17 @@ Anchor: TypeAlias = Literal["left", "centre", "right"]
 _SUPERSAMPLING = 2
 
 
+@cache
 def import_pygame() -> Any:  # noqa: ANN401 - a module has any attributes
-    """Import pygame without its greeting, or raise a ModuleNotFoundError that names the extra to install."""
+    """Import pygame-ce without its greeting, or raise a ModuleNotFoundError that names what to install."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    return optional("pygame", "render")
+    pygame = optional("pygame", "render")
+    if not hasattr(pygame.draw, "aacircle"):  # of pygame-ce 2.5, which has the same name
+        raise ModuleNotFoundError(
+            f"pygame {pygame.version.ver} is installed in the place of pygame-ce, which draws more; exchange them with: "
+            "pip uninstall pygame && pip install --force-reinstall pygame-ce"
+        )
+    return pygame
 
 
 @lru_cache(maxsize=64)

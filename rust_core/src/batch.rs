@@ -95,7 +95,8 @@ impl Batch {
 
     /// Copies the newest observations, (N, observation size), normalised if that is asked for. Those in the mask `new` are seen
     /// for the first time: the others have been learnt from already.
-    pub fn observations(&mut self, new: &[bool], into: &mut [f32]) {
+    pub fn observations(&mut self, new: &[bool], into: &mut [f32]) -> Result<()> {
+        self.check_length("new", new.len())?;
         self.raw_observations(into);
         if let Some(normaliser) = &mut self.normaliser {
             let size = self.setup.observation_size();
@@ -104,9 +105,11 @@ impl Batch {
             normaliser.see(&rows);
             normaliser.normalise(into);
         }
+        Ok(())
     }
 
-    fn raw_observations(&self, into: &mut [f32]) {
+    /// Copies the newest observations as they are, (N, observation size).
+    pub fn raw_observations(&self, into: &mut [f32]) {
         for (block, slot) in self.blocks.iter().zip(into.chunks_mut(self.width * self.observation_size())) {
             slot.copy_from_slice(&block.observations()[..slot.len()]);
         }
@@ -157,6 +160,20 @@ impl Batch {
     /// That share.
     pub fn difficulty(&self) -> f64 {
         self.setup.difficulty
+    }
+
+    /// Env steps of an episode at most; `None` without a limit.
+    pub fn most_steps(&self) -> Option<u64> {
+        self.setup.most_steps()
+    }
+
+    /// Ends episodes, those that run too, after so many env steps, in place of `scenario.duration_s`; `None` never.
+    pub fn set_most_steps(&mut self, steps: Option<u64>) -> Result<()> {
+        if let Some(steps) = steps {
+            within(1.0, f64::MAX).check("max_episode_steps", steps as f64, "")?;
+        }
+        self.setup.set_most_steps(steps);
+        Ok(())
     }
 
     /// Keys of the randomised parameters.

@@ -71,6 +71,7 @@ pub struct Setup {
     uneven: bool,
     action: ActionMap,
     observation: ObservationMap,
+    /// Control sample that ends an episode; `u64::MAX` none does.
     last_sample: u64,
 }
 
@@ -94,6 +95,17 @@ impl Setup {
     /// How many numbers an action has.
     pub fn action_size(&self) -> usize {
         self.action.size()
+    }
+
+    /// Env steps of an episode at most; `None` without a limit.
+    pub fn most_steps(&self) -> Option<u64> {
+        (self.last_sample < u64::MAX).then(|| self.last_sample.div_ceil(self.config.action.hold as u64))
+    }
+
+    /// Ends episodes after so many env steps, in place of `scenario.duration_s`; `None` never.
+    pub fn set_most_steps(&mut self, steps: Option<u64>) {
+        let hold = self.config.action.hold as u64;
+        self.last_sample = steps.map_or(u64::MAX, |steps| steps.saturating_mul(hold));
     }
 
     fn frame_size(&self) -> usize {

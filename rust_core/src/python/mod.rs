@@ -56,13 +56,7 @@ struct PyBatch {
 impl PyBatch {
     #[new]
     #[pyo3(signature = (num_envs, config, autoreset = "next_step", threads = None))]
-    fn new(
-        py: Python<'_>,
-        num_envs: usize,
-        config: &Bound<'_, PyAny>,
-        autoreset: &str,
-        threads: Option<usize>,
-    ) -> PyResult<Self> {
+    fn new(num_envs: usize, config: &Bound<'_, PyAny>, autoreset: &str, threads: Option<usize>) -> PyResult<Self> {
         let autoreset = match autoreset {
             "next_step" => Autoreset::NextStep,
             "same_step" => Autoreset::SameStep,
@@ -74,7 +68,7 @@ impl PyBatch {
         };
         let config = read_config(config)?;
         let batch = Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))?;
-        Ok(Self { batch, outputs: Outputs::new(py) })
+        Ok(Self { batch, outputs: Outputs::default() })
     }
 
     /// Memory of an environment in its block, bytes.
@@ -110,8 +104,25 @@ impl PyBatch {
         let mask = mask.as_ref().map(|mask| mask.as_slice()).transpose()?.unwrap_or(&all);
         let seeds = seeds.as_ref().map(|seeds| seeds.as_slice()).transpose()?;
         self.batch.reset(seeds, mask)?;
+        self.newest(py, mask)
+    }
+
+    /// The newest observations. Statistics learn from those in the mask `new` (N,), by default from none.
+    #[pyo3(signature = (new = None))]
+    fn observations<'py>(
+        &mut self,
+        py: Python<'py>,
+        new: Option<PyReadonlyArray1<'py, bool>>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let none = vec![false; self.batch.num_envs()];
+        let new = new.as_ref().map(|new| new.as_slice()).transpose()?.unwrap_or(&none);
+        self.newest(py, new)
+    }
+
+    /// The newest observations as they are, normalised or not.
+    fn raw_observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let observations = PyArray2::zeros(py, [self.batch.num_envs(), self.batch.observation_size()], false);
-        self.batch.observations(mask, observations.readwrite().as_slice_mut()?);
+        self.batch.raw_observations(observations.readwrite().as_slice_mut()?);
         Ok(observations)
     }
 
@@ -162,6 +173,18 @@ impl PyBatch {
         Ok(())
     }
 
+    /// Whether observations change the moments.
+    #[getter]
+    fn learns(&self) -> PyResult<bool> {
+        Ok(self.normaliser()?.learns)
+    }
+
+    #[setter]
+    fn set_learns(&mut self, learns: bool) -> PyResult<()> {
+        self.batch.normaliser.as_mut().ok_or_else(not_normalised)?.learns = learns;
+        Ok(())
+    }
+
     /// What was drawn for the episode that runs in each environment: one array per quantity.
     fn episodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let episodes: Vec<_> = self.batch.episodes().collect();
@@ -194,6 +217,17 @@ impl PyBatch {
     #[setter]
     fn set_difficulty(&mut self, difficulty: f64) -> PyResult<()> {
         Ok(self.batch.set_difficulty(difficulty)?)
+    }
+
+    /// Env steps of an episode at most; None without a limit.
+    #[getter]
+    fn max_episode_steps(&self) -> Option<u64> {
+        self.batch.most_steps()
+    }
+
+    #[setter]
+    fn set_max_episode_steps(&mut self, steps: Option<u64>) -> PyResult<()> {
+        Ok(self.batch.set_most_steps(steps)?)
     }
 
     fn get_state<'py>(&self, py: Python<'py>, indices: Vec<usize>) -> PyResult<Bound<'py, PyBytes>> {
@@ -247,6 +281,12 @@ impl PyBatch {
 }
 
 impl PyBatch {
+    fn newest<'py>(&mut self, py: Python<'py>, new: &[bool]) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let observations = PyArray2::zeros(py, [self.batch.num_envs(), self.batch.observation_size()], false);
+        self.batch.observations(new, observations.readwrite().as_slice_mut()?)?;
+        Ok(observations)
+    }
+
     fn normaliser(&self) -> PyResult<&Normaliser> {
         self.batch.normaliser.as_ref().ok_or_else(not_normalised)
     }
