@@ -28,8 +28,8 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
 
     Seeded with s, it gives bit for bit the trajectory of any environment of `ProsthesisVectorEnv` seeded with s.
 
-    The info of a step is flat: `reward_<term>` (float, unweighted) of each term of the reward, and `termination_reason`
-    (int, a `TerminationReason`: 0 while the episode goes on).
+    The info of a step is flat: `reward_<term>` (float64, unweighted) of each term of the reward, and `termination_reason`
+    (int64, a `TerminationReason`: 0 while the episode goes on).
 
     `copy.deepcopy` and pickles go on bit for bit, without what has been drawn or recorded.
 
@@ -183,11 +183,11 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
         step = self.walkers.step(check_actions(action, self.action_space.shape or ()))
         if self._rendering is not None:
             self._rendering.step()
-        info: dict[str, Any] = dict(zip(self.walkers.terms.keys, step.terms[0].tolist(), strict=True))
-        reason = int(step.reasons[0])
+        info: dict[str, Any] = dict(zip(self.walkers.terms.keys, step.terms[0], strict=True))
+        reason = np.int64(step.reasons[0])
         # A walker put in place has another age than the TimeLimits around count.
         if not reason and any(_is_over(limit) for limit in self._time_limits):
-            reason = TerminationReason.TIME_LIMIT.value
+            reason = np.int64(TerminationReason.TIME_LIMIT)
         info["termination_reason"] = reason
         return step.observations[0], float(step.rewards[0]), bool(step.terminated[0]), bool(step.truncated[0]), info
 

@@ -38,7 +38,7 @@ def play(envs: ProsthesisVectorEnv, actions: NDArray[np.float32]) -> list[tuple[
     for action in actions:
         observations, rewards, terminated, truncated, infos = envs.step(action)
         ended = terminated | truncated
-        played.append((observations, rewards, terminated, truncated, infos["reward_terms"]["alive"]))
+        played.append((observations, rewards, terminated, truncated, infos["reward_alive"]))
         if envs.autoreset_mode == AutoresetMode.DISABLED and ended.any():
             played.append(envs.reset(options={"reset_mask": ended})[:1])
     return played

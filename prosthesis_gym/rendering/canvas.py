@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from functools import cache, lru_cache
+from functools import lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -23,7 +23,6 @@ Anchor: TypeAlias = Literal["left", "centre", "right"]
 _SUPERSAMPLING = 2
 
 
-@cache
 def import_pygame() -> Any:  # noqa: ANN401 - a module has any attributes
     """Import pygame-ce without its greeting, or raise a ModuleNotFoundError that names what to install."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")

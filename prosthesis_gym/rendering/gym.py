@@ -79,11 +79,12 @@ class BatchRendering:
         #: Since the last picture that somebody asked for.
         self._unasked_steps = 0
         self._renderers: list[WalkerRenderer] = []
-        self._window: Window | None = None
+        #: Open from the first picture on in mode "human".
+        self.window: Window | None = None
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what copies and pickles are made of."""
-        return vars(self) | {"_renderers": [], "_window": None}
+        return vars(self) | {"_renderers": [], "window": None}
 
     def _tile_size(self) -> tuple[int, int]:
         width, height = self._size
@@ -148,14 +149,14 @@ class BatchRendering:
 
     def show(self) -> None:
         """Draw into the window, which opens at first, no faster than the walkers walk."""
-        if self._window is None:
-            self._window = Window(self._size, self._pictures_per_s)
-        self._window.show(self.tiled())
+        if self.window is None:
+            self.window = Window(self._size, self._pictures_per_s)
+        self.window.show(self.tiled())
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._window is not None:
-            self._window.close()
+        if self.window is not None:
+            self.window.close()
 
 
 def tile(frames: Sequence[Frame], columns: int) -> Frame:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from prosthesis_gym.rendering.canvas import Frame, import_pygame
 
 if TYPE_CHECKING:
@@ -48,6 +50,13 @@ class Window:
         pygame.display.init()
         self._window = window = pygame.Window("prosthesis_gym", self._size)
         return window, window.get_surface()
+
+    def picture(self) -> Frame | None:
+        """Return what the window shows, (height, width, 3) uint8; None once it is closed."""
+        if self._window is None:
+            return None
+        pixels = bytearray(import_pygame().image.tobytes(self._window.get_surface(), "RGB"))
+        return np.frombuffer(pixels, dtype=np.uint8).reshape(*self._size[::-1], 3)
 
     def close(self) -> None:
         """Close this window, and no other one."""
