@@ -44,12 +44,15 @@ def _loaded_font(pixels: int, bold: bool) -> pygame.font.Font:
     return font
 
 
-def _font(pixels: int, bold: bool) -> pygame.font.Font:
-    module = import_pygame().font
-    if not module.get_init():  # at first, and after somebody else's `pygame.quit`, which leaves no font usable
+def _written(content: str, pixels: int, bold: bool, colour: Colour) -> pygame.Surface:
+    pygame = import_pygame()
+    pygame.font.init()
+    try:
+        image: pygame.Surface = _loaded_font(pixels, bold).render(content, True, colour)
+    except pygame.error:  # somebody else's `pygame.quit` leaves no font usable
         _loaded_font.cache_clear()
-        module.init()
-    return _loaded_font(pixels, bold)
+        image = _loaded_font(pixels, bold).render(content, True, colour)
+    return image
 
 
 class Canvas:
@@ -162,7 +165,7 @@ class Canvas:
         bold: bool = False,
     ) -> None:
         """Write one line with its vertical middle at `position`."""
-        image = _font(max(round(_SUPERSAMPLING * height), 8), bold).render(content, True, colour)
+        image = _written(content, max(round(_SUPERSAMPLING * height), 8), bold, colour)
         x, y = _SUPERSAMPLING * np.asarray(position, dtype=np.float64)
         left = x - {"left": 0.0, "centre": 0.5, "right": 1.0}[anchor] * image.get_width()
         self._surface.blit(image, (round(left), round(y - 0.5 * image.get_height())))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
 from prosthesis_gym import ProsthesisVectorEnv, TerminationReason, _core
+from prosthesis_gym.devices import DEVICES
 
 
 def test_gymnasium_check_env_passes(env_id: str) -> None:
@@ -143,3 +144,39 @@ def test_zero_residual_is_the_state_machine() -> None:
     for _ in range(500):
         actions = np.zeros((4, 1), dtype=np.float32)
         np.testing.assert_array_equal(residual.step(actions)[0], machine.step(actions)[0])
+
+
+def test_a_configuration_of_another_knee_is_refused(env_id: str) -> None:
+    env = gymnasium.make(env_id)
+    kind = env.unwrapped.config["device"]["kind"]  # type: ignore[attr-defined] # ours
+    for make in (gymnasium.make, gymnasium.make_vec):
+        make(env_id, config={"device": {"kind": kind}})
+        for other, known in DEVICES.items():
+            if other != kind:
+                with pytest.raises(ValueError, match=f"'{other}'.*'{kind}'.*{known.env_id}"):
+                    make(env_id, config={"device": {"kind": other}})
+
+
+def test_closed_environments_refuse_everything_but_to_be_closed(env_id: str) -> None:
+    single, vector = gymnasium.make(env_id, render_mode="rgb_array"), gymnasium.make_vec(env_id, 2)
+    for env in (single, vector):
+        env.reset(seed=0)
+        state = env.unwrapped.get_state()
+        env.close()
+        env.close()
+        calls: list[Any] = [
+            env.reset,
+            lambda env=env: env.step(np.zeros(env.action_space.shape, np.float32)),
+            env.render,
+            env.unwrapped.get_state,
+            lambda env=env, state=state: env.unwrapped.set_state(state),
+        ]
+        for call in calls:
+            with pytest.raises(ValueError, match="closed"):
+                call()
+
+
+def test_reasons_have_names() -> None:
+    assert [reason.name.lower() for reason in TerminationReason] == _core.REASONS
+    assert [int(reason) for reason in TerminationReason] == list(range(len(_core.REASONS)))
+    assert TerminationReason(np.int64(4)).name == "TIME_LIMIT"
