@@ -128,7 +128,7 @@ class Batch:
         self, seeds: NDArray[np.uint64] | None = None, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]: ...
     def observations(self, new: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
-        """Return the newest observations (N, D); statistics learn from those in the mask `new`, by default from none."""
+        """Return the newest observations (N, D); statistics learn from those in the mask `new`, by default none."""
 
     def raw_observations(self) -> NDArray[np.float32]:
         """Return the newest observations (N, D) as they are, normalised or not."""

@@ -15,7 +15,7 @@ import gymnasium
 
 def _frames() -> Iterator[FrameType]:
     """Yield the calls under way, the innermost first."""
-    frame: FrameType | None = sys._getframe(1)  # noqa: SLF001 - the only way there
+    frame: FrameType | None = sys._getframe(1)
     while frame is not None:
         yield frame
         frame = frame.f_back

@@ -28,8 +28,8 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
 
     Seeded with s, it gives bit for bit the trajectory of any environment of `ProsthesisVectorEnv` seeded with s.
 
-    The info of a step is flat: `reward_<term>` (float64, unweighted) of each term of the reward, and `termination_reason`
-    (int64, a `TerminationReason`: 0 while the episode goes on).
+    The info of a step is flat: `reward_<term>` (float64, unweighted) of each term of the reward, and
+    `termination_reason` (int64, a `TerminationReason`: 0 while the episode goes on).
 
     `copy.deepcopy` and pickles go on bit for bit, without what has been drawn or recorded.
 
@@ -67,7 +67,7 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
     ) -> None:
         mode = check_render_mode(render_mode)
         self.config = environment_config(config, device, scenario=scenario, reward=reward)
-        self.walkers = Walkers(1, self.config, reward_terms, "disabled", 1, max_episode_steps)
+        self.walkers = Walkers(1, self.config, reward_terms, "disabled", 1, max_episode_steps=max_episode_steps)
         observation_space, action_space = spaces(self.config)
         self.observation_space = cast("Space[Observations]", observation_space)
         self.action_space = cast("Space[NDArray[np.floating[Any]]]", action_space)
@@ -162,13 +162,13 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
         return observation, {}
 
     def _heed(self, wrappers: list[gymnasium.Wrapper[Any, Any, Any, Any]]) -> None:
-        """Take over what the wrappers around say: limits of time, and attributes that were meant for this environment."""
+        """Take over what the wrappers around say: limits of time, and a difficulty meant for this environment."""
         for wrapper in wrappers:
             if "difficulty" in vars(wrapper):
                 self.difficulty = wrapper.difficulty
                 del wrapper.difficulty
         self._time_limits = [wrapper for wrapper in wrappers if isinstance(wrapper, TimeLimit)]
-        limits = [limit._max_episode_steps for limit in self._time_limits]  # noqa: SLF001 - nowhere else
+        limits = [limit._max_episode_steps for limit in self._time_limits]
         if self._own_limit is not None and (self._limited or not limits):
             limits.append(self._own_limit)
         self.batch.max_episode_steps = min(limits, default=None)
@@ -217,5 +217,5 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
 
 def _is_over(limit: TimeLimit[Any, Any]) -> bool:
     """Whether a TimeLimit truncates the step that is under way."""
-    elapsed = limit._elapsed_steps  # noqa: SLF001 - nowhere else
-    return elapsed is not None and elapsed + 1 >= limit._max_episode_steps  # noqa: SLF001
+    elapsed = limit._elapsed_steps
+    return elapsed is not None and elapsed + 1 >= limit._max_episode_steps

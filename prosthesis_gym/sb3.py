@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +34,8 @@ class ProsthesisVecEnv(VecEnv):
     """Many walkers as one Stable-Baselines3 environment.
 
     `config`, `scenario`, `reward`, `reward_terms` and `max_episode_steps` are those of `ProsthesisVectorEnv`, whose
-    attributes and methods `get_attr`, `set_attr` and `env_method` reach: `set_attr("difficulty", 0.5)`. What a walker
-    can have or do alone, they have or do for the walkers named: `env_method("reset", seed=3, indices=[1])`, `get_state`,
+    attributes and methods `get_attr`, `set_attr` and `env_method` reach: `set_attr("difficulty", 0.5)`. What walkers
+    can do alone, `env_method` has those at `indices` do: `env_method("reset", seed=3, indices=[1])`, `get_state`,
     `set_state`, `render`. What all walkers share must be asked for of all; otherwise it is a ValueError.
 
     Where an episode ends, the info says what a wrapper per environment would: `terminal_observation`,
@@ -227,11 +227,13 @@ class ProsthesisVecEnv(VecEnv):
         """
         self._check_all(indices, f"attribute {attr_name!r}")
         if attr_name in self._fixed:
-            raise ValueError(f"attribute {attr_name!r} is fixed when the environment is made; {', '.join(_SETTABLE)} is not")
+            raise ValueError(
+                f"attribute {attr_name!r} is fixed when the environment is made; {', '.join(_SETTABLE)} is not"
+            )
         setattr(self.envs, attr_name, value)
 
     def env_method(
-        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+        self, method_name: str, *method_args: object, indices: VecEnvIndices = None, **method_kwargs: object
     ) -> list[Any]:
         """Call a method for the walkers at `indices` and return its result for each of them.
 
@@ -240,7 +242,7 @@ class ProsthesisVecEnv(VecEnv):
             ValueError: an index outside [0, N - 1]; some walkers alone, where only all can do it.
 
         """
-        of_some = {
+        of_some: dict[str, Callable[..., list[Any]]] = {
             "reset": self._reset_some,
             "get_state": self._states,
             "set_state": self._set_states,
@@ -250,8 +252,7 @@ class ProsthesisVecEnv(VecEnv):
         }
         selected = self._selected(indices)
         if method_name in of_some:
-            results: list[Any] = of_some[method_name](selected, *method_args, **method_kwargs)
-            return results
+            return of_some[method_name](selected, *method_args, **method_kwargs)
         if method_name == "step":
             raise ValueError("walkers cannot be stepped one by one: call step with the actions of all")
         self._check_all(indices, f"method {method_name!r}")

@@ -193,6 +193,6 @@ class ProsthesisVecNormalize(VecNormalize):
 
 def _walkers(venv: VecEnv) -> Walkers:
     envs = None if isinstance(venv, VecEnvWrapper) else getattr(venv, "envs", None)
-    if not isinstance(envs, ProsthesisVectorEnv):
-        raise ValueError(f"venv = {venv!r} must be a ProsthesisVecEnv; around any other, take VecNormalize")
-    return envs.walkers
+    if isinstance(envs, ProsthesisVectorEnv):
+        return envs.walkers
+    raise ValueError(f"venv = {venv!r} must be a ProsthesisVecEnv; around any other, take VecNormalize")

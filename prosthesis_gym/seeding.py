@@ -31,7 +31,7 @@ def check_seed(seed: object, name: str = "seed") -> int:
 
 
 def core_seed(seed: int) -> int:
-    """Return the 64 bits that a seed of any size stands for: itself below 2^64, else what NumPy's SeedSequence makes of it."""
+    """Return the 64 bits that a seed stands for: itself below 2^64, else what NumPy's SeedSequence makes of it."""
     if seed < _WORDS:
         return seed
     return int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0])

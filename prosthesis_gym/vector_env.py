@@ -105,7 +105,9 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
         self.config = environment_config(config, device, scenario=scenario, reward=reward)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         autoreset = _AUTORESET[self.autoreset_mode]
-        self.walkers = Walkers(num_envs, self.config, reward_terms, autoreset, threads, max_episode_steps)
+        self.walkers = Walkers(
+            num_envs, self.config, reward_terms, autoreset, threads, max_episode_steps=max_episode_steps
+        )
         self.num_envs = num_envs
         self.render_mode = mode
         self.rendering = None if mode is None else BatchRendering(self.walkers, self.config, mode, render_size)
@@ -295,8 +297,10 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
             "_final_info": ended,
         }
 
-    def _info(self, terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]) -> dict[str, Any]:
-        """Lay out terms of the reward (N, number of terms) and reasons (N,) of the environments in a mask; 0 elsewhere."""
+    def _info(
+        self, terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]
+    ) -> dict[str, Any]:
+        """Lay out terms of the reward (N, number of terms) and reasons (N,), both 0 where the mask `present` is False."""
         # Not strict: zip would ask the array for one row too many, and that IndexError takes longer than all the rest.
         info: dict[str, Any] = dict(zip(self.walkers.terms.keys, terms.T, strict=False))
         info["termination_reason"] = reasons.astype(np.int64)
@@ -308,4 +312,3 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
             self.walkers.close()
         if self.rendering is not None:
             self.rendering.close()
-

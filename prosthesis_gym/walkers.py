@@ -111,6 +111,7 @@ class Walkers:
         reward_terms: Sequence[RewardTerm] = (),
         autoreset: Autoreset = "next_step",
         threads: int | None = None,
+        *,
         max_episode_steps: int | None = None,
     ) -> None:
         if not 1 <= num_envs <= _core.MOST_ENVIRONMENTS:  # before terms of one's own make room for them
@@ -194,7 +195,7 @@ class Walkers:
         return self.terms.visible(observations)
 
     def observations(self, new: NDArray[np.bool_] | None = None) -> Observations:
-        """Return the newest observations (N, D); statistics learn from those in the mask `new`, by default from none."""
+        """Return the newest observations (N, D); statistics learn from those in the mask `new`, by default none."""
         return self.terms.visible(self.batch.observations(new))
 
     def step(self, actions: NDArray[np.float64]) -> _core.Step | Step:

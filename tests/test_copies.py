@@ -94,7 +94,9 @@ def test_single_environments_go_on_through_gymnasiums_wrappers(copier: Any, term
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 @pytest.mark.parametrize("terms", [(), (TERM,)])
 def test_vector_environments_go_on(copier: Any, mode: AutoresetMode, terms: tuple[RewardTerm, ...]) -> None:  # noqa: ANN401
-    envs = gymnasium.make_vec(ENV_ID, COUNT, config=CONFIG, reward_terms=terms, autoreset_mode=mode, max_episode_steps=30)
+    envs = gymnasium.make_vec(
+        ENV_ID, COUNT, config=CONFIG, reward_terms=terms, autoreset_mode=mode, max_episode_steps=30
+    )
     envs.unwrapped.difficulty = 0.4  # type: ignore[attr-defined] # ours
     envs.reset(seed=3)
     walk(envs, 50)
@@ -196,5 +198,7 @@ class Locked:
 def test_a_term_that_cannot_be_copied_is_named_with_the_way_out(copier: Any) -> None:  # noqa: ANN401
     env = ProsthesisEnv(CONFIG, reward_terms=[RewardTerm("locked", 1.0, Locked())])
     env.reset(seed=0)
-    with pytest.raises((TypeError, pickle.PicklingError), match=r"reward term 'locked' cannot be copied.*get_state.*lock"):
+    with pytest.raises(
+        (TypeError, pickle.PicklingError), match=r"reward term 'locked' cannot be copied.*get_state.*lock"
+    ):
         copier(env)

@@ -136,7 +136,7 @@ def walk(envs: ProsthesisVectorEnv, seed: int) -> Walks:
             reasons = infos["final_info"]["termination_reason"]
             np.testing.assert_array_equal(infos["final_info"]["_termination_reason"], ended)
             np.testing.assert_array_equal(reasons[ended] == TerminationReason.TIME_LIMIT, truncated[ended])
-            walks.reasons += reasons[ended].tolist()
+            walks.reasons += [_core.REASONS[reason] for reason in reasons[ended]]
         walks.observations.append(observations)
         walks.rewards.append(rewards)
         walks.ended.append(ended)

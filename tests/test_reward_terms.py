@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecNormalize
 
-from prosthesis_gym import REWARDS, ProsthesisEnv, ProsthesisVectorEnv, RewardTerm, _core
+from prosthesis_gym import REWARDS, ProsthesisEnv, ProsthesisVectorEnv, RewardTerm, TerminationReason, _core
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.sb3 import ProsthesisVecEnv, ProsthesisVecNormalize
 

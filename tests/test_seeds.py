@@ -73,7 +73,15 @@ def test_seeds_below_64_bits_are_the_cores_and_larger_ones_are_told_apart() -> N
 
 @pytest.mark.parametrize(
     ("seed", "complaint"),
-    [(True, "True"), (1.0, "1.0"), (0.5, "0.5"), (-1, "-1"), ("7", "'7'"), (np.float64(2.0), "2.0"), (np.True_, "True")],
+    [
+        (True, "True"),
+        (1.0, "1.0"),
+        (0.5, "0.5"),
+        (-1, "-1"),
+        ("7", "'7'"),
+        (np.float64(2.0), "2.0"),
+        (np.True_, "True"),
+    ],
 )
 def test_other_seeds_are_refused_and_change_nothing(seed: Any, complaint: str) -> None:  # noqa: ANN401
     single, envs = ProsthesisEnv(CONFIG), ProsthesisVectorEnv(COUNT, CONFIG)

@@ -135,7 +135,14 @@ def test_the_exported_policy_acts_as_the_model_does(config: Path) -> None:
     normalised_env = ProsthesisVecNormalize(env, norm_reward=False, clip_obs=5.0)
     options: dict[str, Any] = {"net_arch": {"pi": [16, 8], "vf": [4]}, "activation_fn": torch.nn.Tanh}
     model = PPO(
-        "MlpPolicy", normalised_env, n_steps=64, batch_size=64, learning_rate=0.01, policy_kwargs=options, device="cpu", seed=0
+        "MlpPolicy",
+        normalised_env,
+        n_steps=64,
+        batch_size=64,
+        learning_rate=0.01,
+        policy_kwargs=options,
+        device="cpu",
+        seed=0,
     )
     model.learn(2048)
     moments = env.observation_moments

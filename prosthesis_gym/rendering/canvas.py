@@ -29,7 +29,7 @@ def import_pygame() -> Any:  # noqa: ANN401 - a module has any attributes
     pygame = optional("pygame", "render")
     if not hasattr(pygame.draw, "aacircle"):  # of pygame-ce 2.5, which has the same name
         raise ModuleNotFoundError(
-            f"pygame {pygame.version.ver} is installed in the place of pygame-ce, which draws more; exchange them with: "
+            f"pygame {pygame.version.ver} is installed in place of pygame-ce, which draws more; exchange them with: "
             "pip uninstall pygame && pip install --force-reinstall pygame-ce"
         )
     return pygame
@@ -45,14 +45,13 @@ def _loaded_font(pixels: int, bold: bool) -> pygame.font.Font:
 
 
 def _written(content: str, pixels: int, bold: bool, colour: Colour) -> pygame.Surface:
-    pygame = import_pygame()
-    pygame.font.init()
+    module = import_pygame()
+    module.font.init()
     try:
-        image: pygame.Surface = _loaded_font(pixels, bold).render(content, True, colour)
-    except pygame.error:  # somebody else's `pygame.quit` leaves no font usable
+        return _loaded_font(pixels, bold).render(content, True, colour)
+    except module.error:  # somebody else's `pygame.quit` leaves no font usable
         _loaded_font.cache_clear()
-        image = _loaded_font(pixels, bold).render(content, True, colour)
-    return image
+        return _loaded_font(pixels, bold).render(content, True, colour)
 
 
 class Canvas:

@@ -44,8 +44,8 @@ def check_render_mode(mode: str | None) -> RenderMode | None:
 class BatchRendering:
     """Draws the first walkers of a batch, at most `MOST_DRAWN` of them, in one of Gymnasium's render modes.
 
-    Nothing is imported, read or made before somebody asks for a picture. From then on the walkers are followed, for the
-    plots and the camera, until nobody has asked for `WINDOW_S` of simulated time: the plots fill anew after such a pause.
+    Nothing is imported, read or made before somebody asks for a picture. From then on the walkers are followed, for
+    plots and camera, until nobody has asked for `WINDOW_S` of simulated time: plots fill anew after such a pause.
     Copies and pickles begin with nothing followed, and no window.
 
     Args:

@@ -72,7 +72,15 @@ def test_methods_of_some_walkers_are_those_of_dummy_vec_env() -> None:
 
 def test_attributes_are_those_of_a_walker() -> None:
     ours, theirs = ProsthesisVecEnv(WALKERS, CONFIG), dummy()
-    for name in ("observation_space", "action_space", "config", "difficulty", "max_episode_steps", "render_mode", "spec"):
+    for name in (
+        "observation_space",
+        "action_space",
+        "config",
+        "difficulty",
+        "max_episode_steps",
+        "render_mode",
+        "spec",
+    ):
         assert ours.get_attr(name, [0, 2]) == theirs.get_attr(name, [0, 2]), name
         assert ours.has_attr(name)
     with pytest.raises(AttributeError):
@@ -291,6 +299,11 @@ def test_closed_environments_refuse_everything() -> None:
     env.reset()
     env.close()
     env.close()
-    for call in (env.reset, lambda: env.step(np.zeros((2, 1), np.float32)), env.get_images, lambda: env.render("rgb_array")):
+    for call in (
+        env.reset,
+        lambda: env.step(np.zeros((2, 1), np.float32)),
+        env.get_images,
+        lambda: env.render("rgb_array"),
+    ):
         with pytest.raises(ValueError, match="closed"):
             call()  # type: ignore[no-untyped-call, operator] # of several kinds
