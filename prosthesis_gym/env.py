@@ -164,9 +164,10 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
     def _heed(self, wrappers: list[gymnasium.Wrapper[Any, Any, Any, Any]]) -> None:
         """Take over what the wrappers around say: limits of time, and a difficulty meant for this environment."""
         for wrapper in wrappers:
-            if "difficulty" in vars(wrapper):
-                self.difficulty = wrapper.difficulty
-                del wrapper.difficulty
+            own = vars(wrapper)
+            if "difficulty" in own:
+                self.difficulty = own["difficulty"]
+                del own["difficulty"]  # which would hide this environment's
         self._time_limits = [wrapper for wrapper in wrappers if isinstance(wrapper, TimeLimit)]
         limits = [limit._max_episode_steps for limit in self._time_limits]
         if self._own_limit is not None and (self._limited or not limits):

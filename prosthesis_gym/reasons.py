@@ -4,7 +4,19 @@ from enum import IntEnum
 
 from prosthesis_gym import _core
 
-#: What `termination_reason` of an info stands for: NONE (0) while an episode goes on, else one of the core's reasons.
-TerminationReason = IntEnum(  # type: ignore[misc] # the core's list is the only one
-    "TerminationReason", [(name.upper(), number) for number, name in enumerate(_core.REASONS)], module=__name__
-)
+_NUMBERS = {name: number for number, name in enumerate(_core.REASONS)}
+
+
+class TerminationReason(IntEnum):
+    """What `termination_reason` of an info stands for; the core's numbers and names, these in capitals."""
+
+    #: The episode goes on.
+    NONE = _NUMBERS["none"]
+    #: The hip fell below `termination.hip_height_m`.
+    HIP_HEIGHT = _NUMBERS["hip_height"]
+    #: Knee or ankle went beyond its limit.
+    JOINT_LIMIT = _NUMBERS["joint_limit"]
+    #: The integration diverged.
+    NON_FINITE = _NUMBERS["non_finite"]
+    #: Its time is over: truncated, not terminated.
+    TIME_LIMIT = _NUMBERS["time_limit"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -306,7 +306,8 @@ class ProsthesisVecEnv(VecEnv):
     def _selected(self, indices: VecEnvIndices) -> list[int]:
         if indices is None:
             return list(range(self.num_envs))
-        selected = [check_whole(index, "index") for index in (indices if np.ndim(indices) else [indices])]
+        listed = indices if isinstance(indices, Iterable) else [indices]
+        selected = [check_whole(index, "index") for index in listed]
         if not selected:
             raise ValueError("indices = [] must name at least one walker")
         for index in selected:

@@ -134,7 +134,7 @@ class ProsthesisVecNormalize(VecNormalize):
             raise ValueError(f"{name} is fixed when {type(self).__name__} is made")
         super().__setattr__(name, value)
 
-    @property
+    @property  # type: ignore[override] # VecNormalize's is one of each key, or this
     def obs_rms(self) -> RunningMeanStd:
         """Statistics of the observations; what is assigned to it, the core goes on with."""
         return _CoreStatistics(_walkers(self.venv))

@@ -300,7 +300,7 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
     def _info(
         self, terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]
     ) -> dict[str, Any]:
-        """Lay out terms of the reward (N, number of terms) and reasons (N,), both 0 where the mask `present` is False."""
+        """Lay out terms of the reward (N, number of terms) and reasons (N,), 0 where the mask `present` is False."""
         # Not strict: zip would ask the array for one row too many, and that IndexError takes longer than all the rest.
         info: dict[str, Any] = dict(zip(self.walkers.terms.keys, terms.T, strict=False))
         info["termination_reason"] = reasons.astype(np.int64)

@@ -38,7 +38,7 @@ def test_a_missing_renderer_is_named_when_a_picture_is_wanted(mode: str, monkeyp
             env.render() if mode == "rgb_array" else env.reset(seed=0)  # which opens the window
 
 
-def shown(env: ProsthesisVectorEnv) -> Frame | None:
+def shown(env: ProsthesisVectorEnv) -> Any:  # noqa: ANN401 - an array, or None
     """Return what the window of an environment shows."""
     assert env.rendering is not None
     return None if env.rendering.window is None else env.rendering.window.picture()

@@ -173,8 +173,8 @@ def test_episode_returns_go_on_with_terms_of_ones_own() -> None:
     actions = np.random.default_rng(0).uniform(-1, 1, (120, 3, 1)).astype(np.float32)
     for action in actions[:20]:
         env.step(action)
-    for index, state in enumerate(env.env_method("get_state")):
-        other.env_method("set_state", state, indices=index)
+    for walker, state in enumerate(env.env_method("get_state")):
+        other.env_method("set_state", state, indices=walker)
     ends = 0
     for action in actions[20:]:
         mine, theirs = env.step(action), other.step(action)

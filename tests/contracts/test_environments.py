@@ -158,8 +158,8 @@ def test_a_configuration_of_another_knee_is_refused(env_id: str) -> None:
 
 
 def test_closed_environments_refuse_everything_but_to_be_closed(env_id: str) -> None:
-    single, vector = gymnasium.make(env_id, render_mode="rgb_array"), gymnasium.make_vec(env_id, 2)
-    for env in (single, vector):
+    envs: list[Any] = [gymnasium.make(env_id, render_mode="rgb_array"), gymnasium.make_vec(env_id, 2)]
+    for env in envs:
         env.reset(seed=0)
         state = env.unwrapped.get_state()
         env.close()
@@ -179,4 +179,4 @@ def test_closed_environments_refuse_everything_but_to_be_closed(env_id: str) -> 
 def test_reasons_have_names() -> None:
     assert [reason.name.lower() for reason in TerminationReason] == _core.REASONS
     assert [int(reason) for reason in TerminationReason] == list(range(len(_core.REASONS)))
-    assert TerminationReason(np.int64(4)).name == "TIME_LIMIT"
+    assert TerminationReason(int(np.int64(4))).name == "TIME_LIMIT"

@@ -112,7 +112,7 @@ def test_tianshou_collects_past_ends(env_id: str) -> None:
     from tianshou.algorithm.algorithm_base import Policy  # noqa: PLC0415 - only where it is installed
     from tianshou.env import DummyVectorEnv  # noqa: PLC0415
 
-    class Still(Policy):  # type: ignore[misc] # untyped where it is not installed
+    class Still(Policy):  # type: ignore[misc] # which type is unknown
         def forward(self, batch: Any, state: Any = None, **_: Any) -> Any:  # noqa: ANN401
             return data.Batch(act=np.zeros((len(batch.obs), 1), dtype=np.float32), state=state)
 

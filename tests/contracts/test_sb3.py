@@ -198,7 +198,7 @@ def test_normalised_observations_are_those_of_vec_normalize() -> None:
     assert ended > 5
     assert np.abs(mine[0]).max() <= 3.0
     np.testing.assert_array_equal(ours.get_original_obs(), theirs.get_original_obs())
-    np.testing.assert_allclose(ours.normalize_obs(ours.get_original_obs()), mine[0], atol=1e-6)
+    np.testing.assert_allclose(np.asarray(ours.normalize_obs(ours.get_original_obs())), mine[0], atol=1e-6)
     assert ours.observation_space == Box(-3.0, 3.0, (16,), np.float32)
 
 

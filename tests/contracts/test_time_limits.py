@@ -99,7 +99,7 @@ def test_episodes_are_as_long_in_every_mode(
     mode: str, limit: int | None, duration_s: float, expected: int | None
 ) -> None:
     config = merge(WALK, {"scenario": {"duration_s": duration_s}})
-    arguments = {} if limit is None else {"max_episode_steps": limit}
+    arguments: dict[str, Any] = {} if limit is None else {"max_episode_steps": limit}
     assert MODES[mode](450, config=config, **arguments) == expected
 
 
@@ -137,7 +137,7 @@ def test_a_walker_of_another_age_still_says_that_a_time_limit_ended_it() -> None
 
 @pytest.mark.parametrize(("limit", "told"), [(None, 240), (70, 70), (300, 300), (-1, None)])
 def test_the_limit_is_told_where_wrappers_look_and_made_again_from_there(limit: int | None, told: int | None) -> None:
-    arguments = {} if limit is None else {"max_episode_steps": limit}
+    arguments: dict[str, Any] = {} if limit is None else {"max_episode_steps": limit}
     env, envs = (make(ENV_ID, config=WALK, **arguments) for make in (gymnasium.make, gymnasium.make_vec))
     made: list[Any] = [env, env.unwrapped, envs]
     for one in made:
