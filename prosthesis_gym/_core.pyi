@@ -121,6 +121,14 @@ class Batch:
     @property
     def solver_steps(self) -> int: ...
     @property
+    def repeated_periods(self) -> tuple[int, int, int]:
+        """Control periods that were integrated again because the solver had diverged, since the batch was made.
+
+        Settled by the same stepper in finer steps, settled by the reference alone, and diverged by all three: only these
+        end an episode as "non_finite".
+        """
+
+    @property
     def bytes_per_walker(self) -> int: ...
     @property
     def observation_size(self) -> int: ...

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::params::within;
 use crate::randomisation::Randomiser;
 use crate::recorder::{Recorder, Row};
+use crate::repetition::Repeats;
 use crate::scenario::Episode;
 use crate::snapshot;
 use crate::statistics::Normaliser;
@@ -63,6 +64,11 @@ impl Batch {
     /// How many numbers an action has.
     pub fn action_size(&self) -> usize {
         self.setup.action_size()
+    }
+
+    /// Control periods that had to be integrated again since the batch was made.
+    pub fn repeats(&self) -> Repeats {
+        self.blocks.iter().map(|block| block.repeats()).fold(Repeats::default(), Repeats::plus)
     }
 
     /// Steps of the integration per control period.

@@ -6,6 +6,7 @@ use crate::environment::{Environments, SavedEnvironment, Setup};
 use crate::lanes::vectorised;
 use crate::prefetch::Ahead;
 use crate::recorder::{Recorder, Row};
+use crate::repetition::Repeats;
 use crate::scenario::Episode;
 use crate::simulation::{Model, Scratch};
 use crate::step_output::StepOutput;
@@ -40,6 +41,8 @@ pub trait Block: Send + Sync + std::fmt::Debug {
     fn record(&mut self, lane: usize);
     /// What has been recorded.
     fn recording(&self) -> Option<&Recorder>;
+    /// Control periods that had to be integrated again.
+    fn repeats(&self) -> Repeats;
     /// The lane's present state, as a recorder would append it.
     fn snapshot(&self, lane: usize) -> Row;
     /// Height of the ground under the lane's walker at `x`, m.
@@ -113,6 +116,9 @@ macro_rules! block {
             }
             fn recording(&self) -> Option<&Recorder> {
                 self.environments.recording()
+            }
+            fn repeats(&self) -> Repeats {
+                self.environments.repeats()
             }
             fn snapshot(&self, lane: usize) -> Row {
                 self.environments.snapshot(&self.model, lane)

@@ -23,6 +23,7 @@ use crate::prosthesis_device::tube::{TubeParams, tube};
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
 use crate::prosthesis_device::{DeviceKind, DeviceParams};
 use crate::randomisation::Randomiser;
+use crate::repetition::ATTEMPTS;
 use crate::reward::RewardParams;
 use crate::scenario::ScenarioParams;
 use crate::sensors::SensorParams;
@@ -226,6 +227,17 @@ impl Config {
         let steps = self.solver.steps_with(self.device.kind);
         let explicit = self.solver.steps == 0 && self.solver.stepper == Stepper::Rk4;
         if explicit { steps.max(self.explicit_steps() as usize) } else { steps }
+    }
+
+    /// The solver as it is asked for, and those that repeat a control period in which it diverges: the same stepper in steps
+    /// a quarter as long, and the reference in steps a quarter of its own.
+    pub fn solvers(&self) -> [SolverParams; ATTEMPTS] {
+        const FINER: usize = 4;
+        let own = SolverParams { steps: self.steps(), ..self.solver };
+        let finer = SolverParams { steps: FINER * own.steps, ..own };
+        let coarsest = SolverParams::REFERENCE.steps.max(self.explicit_steps() as usize);
+        let coarsest = if own.stepper == Stepper::Rk4 { coarsest.max(finer.steps) } else { coarsest };
+        [own, finer, SolverParams { steps: FINER * coarsest, ..SolverParams::REFERENCE }]
     }
 
     /// Steps per control period below which explicit steps diverge on the dampers of socket and tube.

@@ -1,14 +1,13 @@
 //! How a step is shared out to threads: the caller's, and those of its helpers.
 
-use std::hint::spin_loop;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::block::{Block, Scratches};
 use crate::environment::Setup;
 use crate::error::{Error, Result};
 use crate::prefetch::{Ahead, prefetch};
+use crate::shared_job::SharedJob;
 use crate::step_output::StepOutput;
 
 /// Blocks for each thread that is called: waking one up takes as long as stepping a few.
@@ -18,6 +17,12 @@ const BLOCKS_PER_THREAD: usize = 3;
 const PORTIONS: usize = 4;
 /// How long the caller looks whether helpers have finished before it sleeps: falling asleep and waking up takes as long.
 const PATIENCE: Duration = Duration::from_micros(30);
+/// A helper that keeps the caller waiting this long has been taken off its core in the midst of its portion.
+const INTERRUPTED: Duration = Duration::from_micros(150);
+/// The caller then works alone for so many times as long as it has waited: where another process wants the core too, waiting
+/// costs at most a twentieth of the time. At most for `LONGEST_REST`, after which it looks whether the core is free again.
+const REST: u32 = 20;
+const LONGEST_REST: Duration = Duration::from_millis(100);
 
 /// Blocks to step, their actions, and where outputs go.
 pub struct Work<'a> {
@@ -76,14 +81,16 @@ pub struct Crew {
     /// The caller's.
     pub scratches: Scratches,
     helpers: Option<Helpers>,
+    /// Until when the caller works alone.
+    rests_until: Option<Instant>,
 }
 
-/// Threads beside the caller's, their scratches, and the process that they live in.
-#[derive(Debug)]
+/// Threads beside the caller's, their scratches, what they join, and the process that they live in.
 struct Helpers {
     process: u32,
     pool: rayon::ThreadPool,
-    scratches: Vec<Scratches>,
+    shared: Arc<SharedJob>,
+    scratches: Vec<Mutex<Scratches>>,
 }
 
 impl Crew {
@@ -92,13 +99,13 @@ impl Crew {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         // A caller that looks on would keep a helper from its core, if there are too few.
         let patience = if threads > cores { Duration::ZERO } else { PATIENCE };
-        Self { threads, patience, scratches: Scratches::default(), helpers: None }
+        Self { threads, patience, scratches: Scratches::default(), helpers: None, rests_until: None }
     }
 
-    /// Steps all blocks.
+    /// Steps all blocks. Helpers join in when they have woken up; the caller does what they do not get round to.
     pub fn run(&mut self, work: Work<'_>, setup: &Setup) -> Result<()> {
         let called = self.threads.min(work.blocks.len() / BLOCKS_PER_THREAD);
-        if called < 2 {
+        if called < 2 || self.rests_until.is_some_and(|until| Instant::now() < until) {
             work.run(setup, &mut self.scratches);
             return Ok(());
         }
@@ -109,22 +116,14 @@ impl Crew {
                 portion.run(setup, scratches);
             }
         };
-        let Helpers { pool, scratches, .. } = helpers(&mut self.helpers, self.threads)?;
-        let finished = AtomicUsize::new(1);
-        // Helpers join in when they have woken up.
-        pool.in_place_scope(|scope| {
-            for scratches in &mut scratches[..called - 1] {
-                scope.spawn(|_| {
-                    join(scratches);
-                    finished.fetch_add(1, Ordering::Release);
-                });
-            }
-            join(&mut self.scratches);
-            let since = Instant::now();
-            while finished.load(Ordering::Acquire) < called && since.elapsed() < self.patience {
-                spin_loop();
-            }
-        });
+        let Helpers { pool, shared, scratches, .. } = helpers(&mut self.helpers, self.threads)?;
+        let help = |helper: usize| join(&mut scratches[helper].lock().unwrap_or_else(PoisonError::into_inner));
+        let call = || {
+            let shared = Arc::clone(shared);
+            pool.spawn(move || shared.join(rayon::current_thread_index().unwrap_or(0)));
+        };
+        let waited = shared.run(&help, called - 1, call, self.patience, || join(&mut self.scratches));
+        self.rests_until = (waited > INTERRUPTED).then(|| Instant::now() + (REST * waited).min(LONGEST_REST));
         Ok(())
     }
 }
@@ -137,9 +136,90 @@ fn helpers(slot: &mut Option<Helpers>, threads: usize) -> Result<&mut Helpers> {
             .num_threads(threads - 1)
             .build()
             .map_err(|error| Error::Invalid(format!("cannot start {threads} threads: {error}")))?;
-        let scratches = (0..pool.current_num_threads()).map(|_| Scratches::default()).collect();
+        let scratches = (0..pool.current_num_threads()).map(|_| Mutex::default()).collect();
+        let helpers = Helpers { process, pool, shared: Arc::default(), scratches };
         // Dropping the parent's could wait for a lock that one of its threads, which are not here, held at the fork.
-        std::mem::forget(slot.replace(Helpers { process, pool, scratches }));
+        std::mem::forget(slot.replace(helpers));
     }
     slot.as_mut().ok_or_else(|| Error::Invalid("no threads".into()))
+}
+
+impl std::fmt::Debug for Helpers {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Helpers").field("process", &self.process).field("pool", &self.pool).finish_non_exhaustive()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::channel;
+
+    use super::*;
+    use crate::block::{LANES, blocks};
+    use crate::config::Config;
+    use crate::environment::Autoreset;
+    use crate::reward::TERMS;
+
+    const BLOCKS: usize = 16;
+    const WALKERS: usize = BLOCKS * LANES;
+
+    /// Observations of walkers after some steps of a crew.
+    fn walk(crew: &mut Crew, steps: usize) -> Vec<f32> {
+        let setup = Setup::new(Config::default(), Autoreset::NextStep).unwrap();
+        let mut blocks = blocks(&setup, LANES, BLOCKS);
+        let seeds: Vec<u64> = (0..WALKERS as u64).collect();
+        for (block, seeds) in blocks.iter_mut().zip(seeds.chunks(LANES)) {
+            block.reset(&setup, &[true; LANES], Some(seeds), &mut crew.scratches);
+        }
+        let size = setup.observation_size();
+        let (mut observations, mut rewards) = (vec![0.0; WALKERS * size], [0.0; WALKERS]);
+        let (mut terms, mut episode_terms) = ([0.0; WALKERS * TERMS.len()], [0.0; WALKERS * TERMS.len()]);
+        let [mut terminated, mut truncated, mut started] = [[false; WALKERS]; 3];
+        let (mut reasons, mut episode_returns, mut episode_steps) = ([0; WALKERS], [0.0; WALKERS], [0; WALKERS]);
+        for _ in 0..steps {
+            let output = StepOutput {
+                observations: &mut observations,
+                rewards: &mut rewards,
+                terminated: &mut terminated,
+                truncated: &mut truncated,
+                terms: &mut terms,
+                reasons: &mut reasons,
+                final_observations: &mut [],
+                started: &mut started,
+                episode_returns: &mut episode_returns,
+                episode_steps: &mut episode_steps,
+                episode_terms: &mut episode_terms,
+            };
+            let work = Work { blocks: &mut blocks, width: LANES, actions: &[0.3; WALKERS], output };
+            crew.run(work, &setup).unwrap();
+        }
+        observations
+    }
+
+    #[test]
+    fn a_caller_whose_helper_is_never_scheduled_does_all_the_work_itself() {
+        let expected = walk(&mut Crew::new(1), 40);
+        let mut crew = Crew::new(2);
+        // The only helper's thread is taken by something else for as long as the caller works, or half a minute.
+        let (release, released) = channel();
+        let (report, outcome) = channel();
+        let occupy = move || report.send(released.recv_timeout(Duration::from_secs(30))).unwrap();
+        helpers(&mut crew.helpers, 2).unwrap().pool.spawn(occupy);
+        assert_eq!(walk(&mut crew, 40), expected);
+        release.send(()).unwrap();
+        assert_eq!(outcome.recv().unwrap(), Ok(()), "the caller has waited for a helper that did not run");
+        assert_eq!(walk(&mut crew, 40), expected);
+    }
+
+    #[test]
+    fn a_caller_that_rests_from_waiting_works_alone_and_calls_helpers_again_later() {
+        let expected = walk(&mut Crew::new(1), 40);
+        let mut crew = Crew::new(2);
+        crew.rests_until = Some(Instant::now() + Duration::from_secs(3600));
+        assert_eq!(walk(&mut crew, 40), expected);
+        assert!(crew.helpers.is_none());
+        crew.rests_until = Some(Instant::now());
+        assert_eq!(walk(&mut crew, 40), expected);
+        assert!(crew.helpers.is_some());
+    }
 }

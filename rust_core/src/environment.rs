@@ -16,6 +16,7 @@ use crate::prosthesis_controller::agent::observation::{Sight, Truth};
 use crate::prosthesis_controller::agent::{ActionMap, Actuation, Actuations, ObservationMap};
 use crate::randomisation::Randomiser;
 use crate::recorder::{self, Recorder, Row};
+use crate::repetition::Repeats;
 use crate::reward::{TERMS, Terms, TermsLanes};
 use crate::scenario::Episode;
 use crate::simulation::{Model, Sampled, SavedWalker, Scratch, Simulation};
@@ -184,6 +185,11 @@ impl<const L: usize> Environments<L> {
         self.simulation.episode(lane).filter(|_| self.envs[lane].episode > 0)
     }
 
+    /// Control periods that had to be integrated again since these environments were made.
+    pub fn repeats(&self) -> Repeats {
+        self.simulation.repeats
+    }
+
     /// Records `lane` from its next reset on.
     pub fn record(&mut self, lane: usize) {
         self.recorder = Some((lane, Recorder::default()));
@@ -332,7 +338,8 @@ impl<const L: usize> Environments<L> {
                     changes[lane] = setup.action.relative(self.actuation.now.requested[lane] - before[lane]);
                 }
             }
-            self.simulation.advance(model, &commands, scratch);
+            let live = std::array::from_fn(|lane| lane < used && !skipped[lane] && reasons[lane] == Reason::None);
+            self.simulation.advance(model, &commands, &live, scratch);
             let sampled = Sampled { model, simulation: &self.simulation, scratch };
             let limits = &setup.config.termination;
             let (period_terms, period_reasons) =

@@ -28,8 +28,8 @@ pub fn judge<const L: usize>(
     }
     let mut terms = TermsLanes::default();
     for lane in 0..L {
-        let diverged = TerminationParams::diverged(&postures.get(lane));
-        terms.set(lane, reward::terms(&outcome(sampled, lane, changes[lane]), failed[lane], diverged));
+        let outcome = outcome(sampled, lane, changes[lane]);
+        terms.set(lane, reward::terms(&outcome, failed[lane], postures.diverged[lane]));
     }
     let mut reasons = [Reason::None; L];
     for lane in 0..L {
@@ -45,14 +45,11 @@ pub fn judge<const L: usize>(
 #[inline(always)]
 fn posture<const L: usize>(sampled: &Sampled<'_, L>, fall_height: f64, lane: usize) -> Posture {
     let plant = sampled.plant();
-    let motion = plant.motion(lane);
     Posture {
         hip_clearance: plant.hip_height(lane) - fall_height,
         knee_flexion: plant.knee_flexion(lane),
         ankle: plant.joints(lane).ankle,
-        fastest_rad_s: max(max(motion.thigh_rate.abs(), motion.shank_rate.abs()), motion.foot_rate.abs()),
-        extension_stop_nm: sampled.simulation.walkers.extension_stop_peak[lane],
-        checksum: sampled.simulation.state.checksum(lane),
+        diverged: sampled.simulation.diverged[lane],
     }
 }
 

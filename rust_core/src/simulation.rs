@@ -15,6 +15,7 @@ use crate::integrator::{self, HybridFlow, Workspace};
 use crate::lanes::vectorised;
 use crate::prefetch::Ahead;
 use crate::prosthesis_controller::{ReferenceController, ReferenceParams};
+use crate::repetition::{ATTEMPTS, Moment, Repeats};
 use crate::scenario::Episode;
 use crate::sensors::{self, SensorMemory, Sensors};
 use crate::signals::{CONTROL_PERIOD_S, Measurand, MeasurandLanes, Readings, ReadingsLanes};
@@ -26,7 +27,8 @@ pub struct Model<const L: usize> {
     pub plant: human_prosthesis::Model<L>,
     sensors: sensors::Model<L>,
     reference: ReferenceParams,
-    solver: SolverParams,
+    /// The configured solver, and those that repeat a control period in which it diverges.
+    solvers: [SolverParams; ATTEMPTS],
 }
 
 impl<const L: usize> Model<L> {
@@ -36,7 +38,7 @@ impl<const L: usize> Model<L> {
             plant: human_prosthesis::Model::new(config),
             sensors: sensors::Model::new(&config.sensors),
             reference: ReferenceParams::from(config),
-            solver: SolverParams { steps: config.steps(), ..config.solver },
+            solvers: config.solvers(),
         }
     }
 
@@ -65,6 +67,10 @@ pub struct Simulation<const L: usize> {
     pub state_machine_command: [f64; L],
     /// Control periods since the start of the trial.
     pub sample: [u64; L],
+    /// Whether the last control period has led where only a diverged integration does, by whatever solver.
+    pub diverged: [bool; L],
+    /// Control periods that had to be integrated again since these walkers were made.
+    pub repeats: Repeats,
     /// Samples until which intent and disturbance stay what they are: far memory is not asked every time.
     next_intent: [u64; L],
     next_push: [u64; L],
@@ -90,6 +96,10 @@ pub struct SavedWalker {
 pub struct Scratch<const L: usize> {
     work: Workspace<State<L>>,
     rates: State<L>,
+    /// Where the present control period began.
+    begin: Moment<L>,
+    /// Where it has led the walkers that are settled while others repeat it.
+    settled: Moment<L>,
     /// Signals of the last evaluation.
     signals: Signals<L>,
     /// What the sensors sense, at the last sample.
@@ -104,6 +114,8 @@ impl<const L: usize> Scratch<L> {
         let state = model.plant.state();
         Self {
             work: Workspace::new(&state),
+            begin: Moment::new(&state),
+            settled: Moment::new(&state),
             rates: state,
             signals: Signals::new(&model.plant),
             truth: MeasurandLanes::default(),
@@ -127,8 +139,7 @@ impl<'a, const L: usize> Sampled<'a, L> {
     /// The human-prosthesis system.
     #[inline(always)]
     pub fn plant(&self) -> Evaluated<'a, L> {
-        let Simulation { walkers, state, .. } = self.simulation;
-        Evaluated::new(&self.model.plant, walkers, &self.scratch.signals, state)
+        self.simulation.evaluated(self.model, self.scratch)
     }
 }
 
@@ -143,6 +154,8 @@ impl<const L: usize> Simulation<L> {
             state_machine: [model.reference.start(); L],
             state_machine_command: [0.0; L],
             sample: [0; L],
+            diverged: [false; L],
+            repeats: Repeats::default(),
             next_intent: [0; L],
             next_push: [0; L],
             episode: std::array::from_fn(|_| None),
@@ -158,6 +171,7 @@ impl<const L: usize> Simulation<L> {
         self.sensors.seed[lane] = episode.sensor_seed;
         self.state_machine[lane] = model.reference.start();
         self.sample[lane] = 0;
+        self.diverged[lane] = false;
         (self.next_intent[lane], self.next_push[lane]) = (0, 0);
         self.episode[lane] = Some(episode);
     }
@@ -208,15 +222,22 @@ impl<const L: usize> Simulation<L> {
         (plant, &mut self.state)
     }
 
-    /// First sample of the lanes that have just been started.
+    /// First sample of the lanes that have just been started. The others stay what they are: between two control periods there is
+    /// nothing that they react to or draw.
     pub fn observe_started(&mut self, model: &Model<L>, started: &[bool; L], scratch: &mut Scratch<L>) {
-        self.set_intent();
-        self.disturb();
+        self.set_intent(started);
+        self.disturb(started);
         self.evaluate(model, scratch);
         self.sensors.start(&model.sensors, started, &scratch.truth, &mut self.readings);
         for lane in (0..L).filter(|&lane| started[lane]) {
             self.control(model, lane);
         }
+    }
+
+    /// What there is to read off the human-prosthesis system at the present state.
+    #[inline(always)]
+    fn evaluated<'a>(&'a self, model: &'a Model<L>, scratch: &'a Scratch<L>) -> Evaluated<'a, L> {
+        Evaluated::new(&model.plant, &self.walkers, &scratch.signals, &self.state)
     }
 
     /// Fills `scratch` with the signals at the present state, as the last control period left them.
@@ -230,21 +251,66 @@ impl<const L: usize> Simulation<L> {
     }
 
     /// One control period with the given commands to the knee units.
+    ///
+    /// A walker whose integration diverges repeats the period from its start, in finer steps and then by the reference, unless
+    /// nobody looks at it any more: `live` says at whom somebody does.
     #[inline(always)]
-    pub fn advance(&mut self, model: &Model<L>, commands: &[f64; L], scratch: &mut Scratch<L>) {
+    pub fn advance(&mut self, model: &Model<L>, commands: &[f64; L], live: &[bool; L], scratch: &mut Scratch<L>) {
         self.begin_period(model, commands, scratch);
+        scratch.begin.keep(&self.state, &self.walkers);
+        self.diverged = *live;
+        // One loop around a single call of the integrator: what that evaluates is a large part of an instruction cache.
+        for (attempt, solver) in model.solvers.iter().enumerate() {
+            if attempt > 0 {
+                scratch.settled.keep(&self.state, &self.walkers);
+                self.go_back(model, scratch);
+            }
+            self.integrate(model, solver, scratch);
+            let open = self.diverged;
+            for lane in 0..L {
+                self.diverged[lane] = open[lane] & self.evaluated(model, scratch).diverged(lane);
+            }
+            if attempt > 0 {
+                self.settle(model, attempt, &open, scratch);
+            }
+            if !self.diverged.contains(&true) {
+                break;
+            }
+        }
+        self.finish_period(model, scratch);
+    }
+
+    /// Integrates over a control period.
+    #[inline(always)]
+    fn integrate(&mut self, model: &Model<L>, solver: &SolverParams, scratch: &mut Scratch<L>) {
         let Scratch { work, signals, ahead, .. } = scratch;
         let mut plant = HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals };
-        let SolverParams { stepper, steps } = model.solver;
+        let SolverParams { stepper, steps } = *solver;
         let step_s = CONTROL_PERIOD_S / steps as f64;
         for step in 1..=steps {
             ahead.fetch(step, steps);
             integrator::advance(&mut plant, &mut self.state, work, stepper, step_s, 1);
         }
-        self.finish_period(model, scratch);
     }
 
-    /// Like [`advance`](Self::advance), and integrates the work of all forces beside the state.
+    /// Goes back to where the control period began.
+    fn go_back(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
+        scratch.begin.restore(&model.plant, &[true; L], &mut self.state, &mut self.walkers);
+        let (mut plant, state) = self.plant(model, scratch);
+        plant.sense(state);
+        plant.note_touch();
+    }
+
+    /// Counts what has come of the `open` lanes in an `attempt`, and puts the others back where they had been before it.
+    fn settle(&mut self, model: &Model<L>, attempt: usize, open: &[bool; L], scratch: &mut Scratch<L>) {
+        self.repeats.count(attempt, open, &self.diverged);
+        scratch.settled.restore(&model.plant, &open.map(|open| !open), &mut self.state, &mut self.walkers);
+        let (mut plant, state) = self.plant(model, scratch);
+        plant.sense(state);
+    }
+
+    /// Like [`advance`](Self::advance), and integrates the work of all forces beside the state. Repeats nothing: the meter shows
+    /// what the configured solver does.
     #[inline(always)]
     pub fn advance_metered(
         &mut self,
@@ -255,7 +321,10 @@ impl<const L: usize> Simulation<L> {
     ) {
         self.begin_period(model, commands, scratch);
         let (mut plant, state) = self.plant(model, scratch);
-        meter.advance(&mut plant, state, &model.solver);
+        meter.advance(&mut plant, state, &model.solvers[0]);
+        for lane in 0..L {
+            self.diverged[lane] = self.evaluated(model, scratch).diverged(lane);
+        }
         self.finish_period(model, scratch);
     }
 
@@ -263,7 +332,7 @@ impl<const L: usize> Simulation<L> {
     fn begin_period(&mut self, model: &Model<L>, commands: &[f64; L], scratch: &mut Scratch<L>) {
         self.walkers.command = *commands;
         self.walkers.extension_stop_peak = [0.0; L];
-        self.set_intent();
+        self.set_intent(&[true; L]);
         let (mut plant, state) = self.plant(model, scratch);
         plant.sense(state);
         // Lets the human react to inputs that have just changed.
@@ -272,13 +341,13 @@ impl<const L: usize> Simulation<L> {
             plant.transition(state, &fired);
         }
         plant.note_touch();
-        self.disturb();
+        self.disturb(&[true; L]);
     }
 
-    /// Intent in the control period that begins now.
+    /// Intent of `lanes` in the control period that begins now.
     #[inline(always)]
-    fn set_intent(&mut self) {
-        for lane in 0..L {
+    fn set_intent(&mut self, lanes: &[bool; L]) {
+        for lane in (0..L).filter(|&lane| lanes[lane]) {
             let sample = self.sample[lane];
             if sample >= self.next_intent[lane] {
                 let (time, profile) = (sample as f64 * CONTROL_PERIOD_S, &self.walkers.profile[lane]);
@@ -289,10 +358,10 @@ impl<const L: usize> Simulation<L> {
         }
     }
 
-    /// Disturbances of the control period that begins now, in a step that may have begun just now.
+    /// Disturbances of `lanes` in the control period that begins now, in a step that may have begun just now.
     #[inline(always)]
-    fn disturb(&mut self) {
-        for lane in 0..L {
+    fn disturb(&mut self, lanes: &[bool; L]) {
+        for lane in (0..L).filter(|&lane| lanes[lane]) {
             let sample = self.sample[lane];
             if sample < self.next_push[lane] {
                 continue;

@@ -28,7 +28,7 @@ pub enum Reason {
     HipHeight,
     /// Knee or ankle went beyond its limit.
     JointLimit,
-    /// The integration diverged: the state is not finite, or a segment or the knee's stop does what none can.
+    /// The integration diverged, by the reference too: the state is not finite, or a segment or the knee's stop does what none can.
     NonFinite,
     /// Its time is over (truncation, not failure).
     TimeLimit,
@@ -46,33 +46,16 @@ lanes! {
         knee_flexion: f64,
         /// Ankle angle from rest, rad.
         ankle: f64,
-        /// Fastest rotation of a segment, rad/s.
-        fastest_rad_s: f64,
-        /// Largest torque of the extension stop, N m.
-        extension_stop_nm: f64,
-        /// Sum of all state variables: not finite if any of them is not.
-        checksum: f64,
+        /// Whether the integration has diverged.
+        diverged: bool,
     }
 }
 
-/// Torque of the extension stop that only a diverged integration reaches: impacts of walking stay below 200.
-const DIVERGED_NM: f64 = 5000.0;
-/// Rotation that only a diverged integration reaches: walking stays below 20 rad/s, impacts in a fall below 100.
-const DIVERGED_RAD_S: f64 = 300.0;
-
 impl TerminationParams {
-    /// Whether the posture is one that only a diverged integration reaches.
-    #[inline(always)]
-    pub fn diverged(posture: &Posture) -> bool {
-        !posture.checksum.is_finite()
-            | (posture.fastest_rad_s > DIVERGED_RAD_S)
-            | (posture.extension_stop_nm > DIVERGED_NM)
-    }
-
     /// Whether the posture is beyond a limit, or diverged.
     #[inline(always)]
     pub fn ends(&self, posture: &Posture) -> bool {
-        Self::diverged(posture) | Self::falls(posture) | self.over_bends(posture)
+        posture.diverged | Self::falls(posture) | self.over_bends(posture)
     }
 
     #[inline(always)]
@@ -89,7 +72,7 @@ impl TerminationParams {
 
     /// Why the posture ends the episode.
     pub fn reason(&self, posture: &Posture) -> Reason {
-        if Self::diverged(posture) {
+        if posture.diverged {
             Reason::NonFinite
         } else if Self::falls(posture) {
             Reason::HipHeight

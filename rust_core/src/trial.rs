@@ -69,7 +69,7 @@ impl<const L: usize> Trial<L> {
 
 vectorised! {
     fn advance<const L: usize>(trial: &mut Trial<L>, commands: &[f64; L]) {
-        trial.simulation.advance(&trial.model, commands, &mut trial.scratch);
+        trial.simulation.advance(&trial.model, commands, &[true; L], &mut trial.scratch);
     }
 }
 

@@ -60,7 +60,7 @@ impl<const L: usize> Block for ClosedLoop<L> {
     #[inline(always)]
     fn run(&mut self, model: &Model<L>) {
         let commands = self.simulation.state_machine_command;
-        self.simulation.advance(model, &commands, &mut self.scratch);
+        self.simulation.advance(model, &commands, &[true; _], &mut self.scratch);
     }
 }
 

@@ -206,7 +206,7 @@ impl Memory {
         self.reaction = None;
         match self.intact {
             IntactState::Both => {
-                self.start_residual_step(ResidualState::StepStart, time, hip_x, speed);
+                self.start_residual_step(ResidualState::StepStart, &individual.params, time, hip_x, speed);
                 // The first intact step is measured from the moment that walking starts.
                 (self.touch_down, self.touch_down_x) = (time, hip_x);
                 self.intact = IntactState::Swing;
@@ -225,7 +225,7 @@ impl Memory {
                 } else {
                     ResidualState::StepStop
                 };
-                self.start_residual_step(next, time, hip_x, speed);
+                self.start_residual_step(next, &individual.params, time, hip_x, speed);
                 self.heel_strikes += 1;
                 self.intact = IntactState::Double;
             }
@@ -234,10 +234,11 @@ impl Memory {
         self.state_start = time;
     }
 
-    fn start_residual_step(&mut self, next: ResidualState, time: f64, hip_x: f64, speed: f64) {
+    fn start_residual_step(&mut self, next: ResidualState, params: &HumanParams, time: f64, hip_x: f64, speed: f64) {
         let travel = hip_x - self.step_start_x;
         if self.residual == ResidualState::StepCycle {
-            self.stride = travel;
+            // Who has been pushed back expects to get on all the same: no cycle lasts no time, or less.
+            self.stride = travel.max(params.shortest_stride_m);
         }
         if self.residual != ResidualState::Stand {
             self.ambulation_speed = travel / (time - self.step_start);
@@ -388,6 +389,18 @@ mod tests {
         let memory = Memory { step_start: 3.0, cycle: 1.2, ..Memory::cyclic(&HumanParams::default(), 1.1) };
         assert_eq!(memory.time_at(0.5), 3.6);
         assert_eq!(Memory::standing(&HumanParams::default(), 1.1).time_at(0.5), f64::INFINITY);
+    }
+
+    #[test]
+    fn a_step_that_leads_nowhere_or_back_does_not_make_the_next_ones_cycle_vanish() {
+        let human = Individual::new(&HumanParams::default(), HumanVariation::default());
+        for (hip_x, expected) in [(1.3, 1.3), (0.25, 0.25), (0.01, 0.2), (0.0, 0.2), (-0.6, 0.2)] {
+            let mut memory = Memory { intact: IntactState::Stance, ..Memory::cyclic(&human.params, 1.0) };
+            memory.transition(&Human::default(), &human, 1.5, hip_x, 1.25, true);
+            assert_eq!((memory.stride, memory.cycle), (expected, expected / 1.25));
+            // The speed is what it was.
+            assert_eq!(memory.ambulation_speed, hip_x / 1.5);
+        }
     }
 
     #[test]

@@ -53,6 +53,8 @@ params! {
         standing_trunk_limit_nm_kg: f64 = 2.5, "N m/kg", above(0.0, 100.0);
         /// Expected length of the first stride (section 4.1).
         first_stride_m: f64 = 1.333_333_333_333_333_3, "m", above(0.0, 5.0);
+        /// Shortest stride that is expected of the next step, however little the last one led on, or back. The paper's human expects the last one's, whose cycle would vanish or run backwards.
+        shortest_stride_m: f64 = 0.2, "m", within(0.05, 2.0);
         /// Damping ratio zeta of the pendulum leg (section 4.2).
         slip_damping_ratio: f64 = 0.2, "1", within(0.0, 0.95);
         /// Knee flexion of the posture at touch-down, which sets the pendulum's touch-down height (Figure 2).

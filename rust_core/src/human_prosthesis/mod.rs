@@ -8,6 +8,7 @@
 //!  command ─> prosthesis device ────────────── knee and ankle torque ───────┘
 //! ```
 
+mod divergence;
 mod evaluation;
 mod footing;
 mod general;

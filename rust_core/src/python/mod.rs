@@ -21,6 +21,7 @@ use crate::params::{above, within};
 use crate::prosthesis_controller::agent::{ActionMap, Channel, ObservationMap};
 use crate::randomisation::Drawn;
 use crate::recorder::COLUMNS;
+use crate::repetition::Repeats;
 use crate::reward::TERMS;
 use crate::scenario::Episode;
 use crate::statistics::{Moments, Normaliser};
@@ -81,6 +82,14 @@ impl PyBatch {
     #[getter]
     fn solver_steps(&self) -> usize {
         self.batch.solver_steps()
+    }
+
+    /// Control periods that were integrated again, since the batch was made: settled in finer steps, settled by the reference alone,
+    /// and diverged by all.
+    #[getter]
+    fn repeated_periods(&self) -> (u64, u64, u64) {
+        let Repeats { finer, reference, diverged } = self.batch.repeats();
+        (finer, reference, diverged)
     }
 
     #[getter]

@@ -113,7 +113,7 @@ fn a_walker_has_the_same_bits_without_a_vector_unit() {
         for period in 0..periods(3.0) {
             trial.advance_controlled();
             let commands = plain.state_machine_command;
-            plain.advance(&model, &commands, &mut scratch);
+            plain.advance(&model, &commands, &[true; _], &mut scratch);
             let state = |simulation: &Simulation<1>| format!("{:?}", (&simulation.state, &simulation.readings));
             assert_eq!(state(&trial), state(&plain), "{kind:?}, period {period}");
         }
