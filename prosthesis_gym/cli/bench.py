@@ -6,7 +6,9 @@ import itertools
 import json
 import os
 import platform
-from collections.abc import Callable, Sequence
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
@@ -28,6 +30,7 @@ examples:
   prosthesis-gym bench
   prosthesis-gym bench --walkers 1024 --devices damper --threads 1 2 --seconds 10
   prosthesis-gym bench --peers
+  prosthesis-gym bench --contended --walkers 64 1024
   prosthesis-gym bench --json > bench.json
 """
 #: Action arrays that are drawn before the clock runs, then used in turn.
@@ -82,6 +85,7 @@ def add_parser(commands: Commands) -> None:
         help="time per setting (default: 2); settings take turns, all in memory",
     )
     add("--peers", action="store_true", help="also MuJoCo, Gymnasium's and EnvPool's Walker2d, as far as installed")
+    add("--contended", action="store_true", help="beside a process that keeps a core busy: one thread, and all")
     add(
         "--guard",
         action="store_true",
@@ -96,7 +100,7 @@ def run(arguments: argparse.Namespace) -> None:
     if not 0.0 < arguments.seconds <= 3600.0:
         raise ValueError(f"--seconds = {arguments.seconds} must lie in (0, 3600]")
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = arguments.threads or [cores]
+    threads = arguments.threads or ([1, cores] if arguments.contended else [cores])
     if min(threads) < 1:
         raise ValueError(f"--threads = {min(threads)} must be 1 or more")
     if arguments.guard:
@@ -106,10 +110,13 @@ def run(arguments: argparse.Namespace) -> None:
     console = Console()
     if not arguments.json:
         console.print("{cpu}, {cores} cores, {date}".format(**machine))
+        if arguments.contended:
+            console.print("beside a process that keeps a core busy")
     settings = [
         Setting(*values) for values in itertools.product(arguments.devices, arguments.modes, threads, arguments.walkers)
     ]
-    results = measure(settings, arguments.seconds)
+    with busy_process() if arguments.contended else contextlib.nullcontext():
+        results = measure(settings, arguments.seconds)
     memory = memory_per_walker_kib()
     peers, missing = measure_peers(arguments.seconds, max(threads)) if arguments.peers else ({}, [])
     if arguments.json:
@@ -117,11 +124,24 @@ def run(arguments: argparse.Namespace) -> None:
         print(json.dumps({"machine": machine, "results": entries, "kib_per_walker": memory, "peers": peers}, indent=2))
         return
     console.print(_table(results))
+    if arguments.contended:
+        for line in _gains(results):
+            console.print(line)
     console.print(f"memory per walker: {memory:.1f} KiB")
     if peers:
         console.print(_peer_table(peers, max(result.env_steps_per_s for result in results)))
     for reason in missing:
         console.print(f"not measured: {reason}", markup=False)
+
+
+@contextlib.contextmanager
+def busy_process() -> Iterator[None]:
+    """Keep a core busy as long as the context lasts."""
+    with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as process:
+        try:
+            yield
+        finally:
+            process.kill()
 
 
 def measure(settings: Sequence[Setting], seconds: float) -> list[Result]:
@@ -219,6 +239,16 @@ def _table(results: list[Result]) -> Table:
         counts = (f"{r.walkers:,}", str(r.threads), f"{r.env_steps_per_s:,.0f}", f"{r.simulated_s_per_s:,.0f}")
         table.add_row(r.device, r.mode, *counts, f"{r.us_per_call:,.1f}", f"{r.ns_per_evaluation:.1f}")
     return table
+
+
+def _gains(results: list[Result]) -> Iterator[str]:
+    """Say how much faster than one thread several are, by knee, actions and walkers."""
+    single = {(r.device, r.mode, r.walkers): r.env_steps_per_s for r in results if r.threads == 1}
+    for r in results:
+        alone = single.get((r.device, r.mode, r.walkers))
+        if r.threads > 1 and alone is not None:
+            ratio = r.env_steps_per_s / alone
+            yield f"{r.device}, {r.mode}, {r.walkers:,} walkers: {r.threads} threads make {ratio:.2f} times the steps of one"
 
 
 def _peer_table(rates: dict[str, float], ours: float) -> Table:

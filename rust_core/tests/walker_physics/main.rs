@@ -3,6 +3,7 @@
 mod conservation;
 mod energy;
 mod lanes;
+mod repetition;
 mod steppers;
 #[path = "../hybrid_dynamics/table_1.rs"]
 mod table_1;
