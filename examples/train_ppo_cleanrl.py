@@ -20,7 +20,8 @@ from rich.progress import Progress
 from torch import Tensor, nn
 from torch.distributions import Normal
 
-import prosthesis_gym  # noqa: F401 - registers the environments
+from prosthesis_gym.console import clean_exit, spell_what_cannot_be_encoded
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.seeding import run_seed
 
 CONFIG = {
@@ -141,6 +142,7 @@ def train(env_id: str, total_steps: int, walkers: int, report_every: int, seed: 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
+    spell_what_cannot_be_encoded()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--env", default="prosthesis_gym/DamperKnee-v0", metavar="ID", help="default: %(default)s")
     parser.add_argument("--steps", type=int, default=4_000_000, metavar="N", help="env steps (default: %(default)s)")
@@ -148,7 +150,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--report-every", type=int, default=500_000, metavar="N", help="default: %(default)s")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="default: %(default)s")
     options = parser.parse_args(arguments)
-    train(options.env, options.steps, options.walkers, options.report_every, options.seed)
+    with clean_exit(parser):
+        for name in ("steps", "walkers", "report_every"):
+            if getattr(options, name) < 1:
+                raise ValueError(f"--{name.replace('_', '-')} = {getattr(options, name)} must be at least 1")
+        if options.seed < 0:
+            raise ValueError(f"--seed = {options.seed} must be 0 or more")
+        if options.env not in gymnasium.registry:
+            known = ", ".join(device.env_id for device in DEVICES.values())
+            raise ValueError(f"--env = {options.env!r} must be one of {known}")
+        train(options.env, options.steps, options.walkers, options.report_every, options.seed)
 
 
 if __name__ == "__main__":

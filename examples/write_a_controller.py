@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from prosthesis_gym.console import clean_exit, spell_what_cannot_be_encoded
 from prosthesis_gym.controller import Readings, SensorController
 from prosthesis_gym.plotting import check_plot_path, plot_trial
+from prosthesis_gym.progress import waiting
 from prosthesis_gym.trial import run_trial
 
 #: From standing to 1.1 m/s, without pushes; `prosthesis-gym parameters scenario` has the rest.
@@ -27,6 +29,7 @@ def damping_nms2_rad2(sensors: Readings) -> NDArray[np.float64]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line."""
+    spell_what_cannot_be_encoded()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("my_walk.png"), metavar="FILE", help="default: %(default)s")
     parser.add_argument("--seconds", type=float, default=10.0, metavar="S", help="default: %(default)s")
@@ -38,11 +41,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.sensors:
         print("\n".join(f"{name:24} {meaning}" for name, meaning in controller.sensors.items()))
         return
-    check_plot_path(options.out)
-    if options.out.exists() and not options.force:
-        parser.error(f"{options.out} exists; --force overwrites it")
-    trial = run_trial(WALK, policy=controller, duration_s=options.seconds)
-    plot_trial(trial, options.out)
+    with clean_exit(parser):
+        check_plot_path(options.out)
+        if options.out.exists() and not options.force:
+            raise ValueError(f"{options.out} exists; --force overwrites it")
+        trial = run_trial(WALK, policy=controller, duration_s=options.seconds)
+        with waiting(f"drawing {options.out}"):
+            plot_trial(trial, options.out)
     print(f"{trial.outcome} after {trial.end_s:.2f} s; wrote {options.out}")
 
 

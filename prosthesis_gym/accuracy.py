@@ -49,6 +49,8 @@ _KINEMATICS = (
     "hip_peak_intact_stance_m",
 )
 
+_DIVERGED = _core.REASONS.index("non_finite")
+
 
 @dataclasses.dataclass(frozen=True)
 class GaitError:
@@ -88,7 +90,7 @@ def _gait(device: str, speed_m_s: float, solver: Config) -> dict[str, float]:
         "scenario": {"start": "standing", "speed_m_s": speed_m_s, "walk_s": 1.0, "push_n": 0.0},
     }
     trial = run_trial(merge(config, solver), duration_s=_DURATION_S, progress=False)
-    strides = [] if trial.fell else [one for one in stride_table(trial) if one.heel_strike_s > _SETTLED_S]
+    strides = [] if trial.ended_early else [one for one in stride_table(trial) if one.heel_strike_s > _SETTLED_S]
     if not strides:
         return {}
     measures = {name: float(np.mean([getattr(stride, name) for stride in strides])) for name in _KINEMATICS}
@@ -129,6 +131,6 @@ def falls(config: Config, episodes: int, seed: int = 0) -> NDArray[np.bool_]:
     fell, over = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
     while not over.all():
         step = batch.step(actions)
-        fell |= step.terminated & ~over
+        fell |= step.terminated & (step.reasons != _DIVERGED) & ~over
         over |= step.terminated | step.truncated
     return fell

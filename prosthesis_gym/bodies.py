@@ -2,6 +2,8 @@
 
 from typing import Final
 
+import numpy as np
+
 from prosthesis_gym.config import Config, resolve
 
 HEIGHT_M: Final = 1.77
@@ -35,6 +37,8 @@ def scaled_body(mass_kg: float | None = None, height_m: float | None = None) -> 
     mass_kg = table_kg if mass_kg is None else mass_kg
     height_m = HEIGHT_M if height_m is None else height_m
     for name, value, (low, high) in (("mass_kg", mass_kg, MASS_RANGE_KG), ("height_m", height_m, HEIGHT_RANGE_M)):
+        if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+            raise ValueError(f"{name} = {value} must be a number in [{low:g}, {high:g}]")  # noqa: TRY004
         if not low <= value <= high:
             raise ValueError(f"{name} = {value} is outside its allowed range [{low:g}, {high:g}]")
     heavier = (mass_kg - prosthesis_kg) / (table_kg - prosthesis_kg)

@@ -8,6 +8,8 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from prosthesis_gym import _core
+from prosthesis_gym.arguments import file_path
+from prosthesis_gym.files import read_toml
 
 Config = dict[str, Any]
 
@@ -33,7 +35,7 @@ def load_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
         The configuration as given (not filled up; see `resolve`), as a fresh nested dictionary.
 
     Raises:
-        ValueError: the file is not TOML, a key is unknown, or a value lies outside its range.
+        ValueError: the file is not UTF-8 or not TOML, a key is unknown, or a value lies outside its range.
         FileNotFoundError: there is no such file.
 
     """
@@ -47,11 +49,27 @@ def read_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
     if source is None:
         return {}
     if isinstance(source, Mapping):
-        return merge({}, source)
-    try:
-        return tomllib.loads(Path(source).read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{source}: {error}") from error
+        return merge({}, plain(source))
+    return read_toml(file_path("config", source))
+
+
+def plain(value: Any, key: str = "") -> Any:  # noqa: ANN401 - a configuration's values are of any type
+    """Return a configuration, or a part of it, as TOML could hold it: what NumPy has of numbers, flags and arrays too.
+
+    Raises:
+        ValueError: a key that is not a name.
+
+    """
+    if isinstance(value, np.generic | np.ndarray):
+        return plain(value.tolist(), key)
+    if isinstance(value, Mapping):
+        for name in value:
+            if not isinstance(name, str):
+                raise ValueError(f"{key or 'configuration'}: key {name!r} must be a name")  # noqa: TRY004
+        return {str(name): plain(item, f"{key}.{name}" if key else name) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item, f"{key}[{index}]") for index, item in enumerate(value)]
+    return value
 
 
 def resolve(config: Mapping[str, Any]) -> Config:
@@ -61,14 +79,15 @@ def resolve(config: Mapping[str, Any]) -> Config:
         ValueError: names the key, its value and what is allowed.
 
     """
-    resolved = _core.resolve(config)
-    _refuse_flags(config, resolved, "")
+    given = plain(config)
+    resolved = _core.resolve(given)
+    _refuse_flags(given, resolved, "")
     return resolved
 
 
 def _refuse_flags(given: object, resolved: Any, key: str) -> None:  # noqa: ANN401 - whatever the schema has there
     """Raise where `given` says true or false and the schema wants a number: Python counts them among the numbers."""
-    if isinstance(given, bool | np.bool_) and not isinstance(resolved, bool):
+    if isinstance(given, bool) and not isinstance(resolved, bool):
         ranges = {row["key"]: f" in {row['range']} {row['unit']}".rstrip() for row in _core.parameters()}
         raise ValueError(  # noqa: TRY004 - as all bad values
             f"{key} = {str(given).lower()} must be a number{ranges.get(key, '')}"
@@ -76,7 +95,7 @@ def _refuse_flags(given: object, resolved: Any, key: str) -> None:  # noqa: ANN4
     if isinstance(given, Mapping) and isinstance(resolved, Mapping):
         for name, value in given.items():
             _refuse_flags(value, resolved.get(name), f"{key}.{name}" if key else name)
-    elif isinstance(given, list | tuple) and isinstance(resolved, list):
+    elif isinstance(given, list) and isinstance(resolved, list):
         for index, (value, other) in enumerate(zip(given, resolved, strict=False)):
             _refuse_flags(value, other, f"{key}[{index}]")
 
@@ -90,13 +109,14 @@ def merge(base: Mapping[str, Any], override: Mapping[str, Any]) -> Config:
     for key, value in override.items():
         if isinstance(value, Mapping):
             section = merged.get(key)
-            merged[key] = merge(section if _is_section(section) and _is_section(value) else {}, value)
+            merged[key] = merge(section if is_section(section) and is_section(value) else {}, value)
         else:
             merged[key] = value
     return merged
 
 
-def _is_section(value: object) -> TypeGuard[Mapping[str, Any]]:
+def is_section(value: object) -> TypeGuard[Mapping[str, Any]]:
+    """Whether a value is a section of settings, rather than one, such as a distribution."""
     return isinstance(value, Mapping) and not (len(value) == 1 and _DISTRIBUTIONS.issuperset(value))
 
 
@@ -111,6 +131,8 @@ def apply_settings(config: Mapping[str, Any], settings: Iterable[str]) -> Config
     """
     merged = merge({}, config)
     for setting in settings:
+        if not isinstance(setting, str):
+            raise ValueError(f"setting {setting!r} must have the form section.key=value")  # noqa: TRY004
         path, equals, text = setting.partition("=")
         *sections, key = path.strip().split(".")
         if not (equals and key and all(sections)):

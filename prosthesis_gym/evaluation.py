@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import CONTROL_PERIOD_S, merge, resolve
-from prosthesis_gym.controller import Controller, require_one_action
+from prosthesis_gym.arguments import whole_number
+from prosthesis_gym.config import CONTROL_PERIOD_S, resolve
+from prosthesis_gym.controller import Controller, actions_of, checked, driven
 from prosthesis_gym.reward_terms import RewardTerm
-from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.walkers import Walkers
 
 #: Seeds from here on are for evaluation: training must stay below.
@@ -33,6 +33,8 @@ _STANDS_STILL = RewardTerm(
 )
 _Z95 = 1.959963984540054
 _PUSHES = ("weakest third of pushes", "middle third of pushes", "strongest third of pushes")
+#: What ends an episode and is no fall: a diverged integration is a failure of the solver, not of the walker.
+_NO_FALLS = ("none", "time_limit", "non_finite")
 _STARTS = ("from standing", "from a cyclic step")
 
 
@@ -51,8 +53,10 @@ def wilson_interval(count: int, total: int, z: float = _Z95) -> tuple[float, flo
 class EvaluationResult:
     """What came of a batch of episodes, one walker each."""
 
-    #: Falls by reason; not only a low hip, but whatever ends an episode early counts as a fall.
+    #: Falls by reason: a low hip, or a joint beyond its limit.
     reasons: dict[str, int]
+    #: Episodes whose integration diverged. Nobody knows how they would have ended: they are in no other count and mean.
+    diverged: int
     #: Episodes that ended upright but standing still although the walker meant to walk: neither a fall nor a success.
     stalls: int
     episodes: int
@@ -66,24 +70,29 @@ class EvaluationResult:
     parts: dict[str, tuple[int, int]]
 
     @property
+    def judged(self) -> int:
+        """Episodes that did not diverge."""
+        return self.episodes - self.diverged
+
+    @property
     def falls(self) -> int:
-        """Episodes that ended early."""
+        """Episodes that ended in a fall."""
         return sum(self.reasons.values())
 
     @property
     def fall_rate(self) -> float:
-        """Share of episodes that ended early."""
-        return self.falls / self.episodes
+        """Share of falls in the episodes that did not diverge; NaN if all did."""
+        return self.falls / self.judged if self.judged else math.nan
 
     @property
     def failure_rate(self) -> float:
-        """Share of episodes that ended early or in a standstill."""
-        return (self.falls + self.stalls) / self.episodes
+        """Share of all episodes that ended in a fall, a standstill or a divergence: in anything but success."""
+        return (self.falls + self.stalls + self.diverged) / self.episodes
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the fall rate."""
-        return wilson_interval(self.falls, self.episodes)
+        """Wilson's 95 % interval of the fall rate; all of [0, 1] if every episode diverged."""
+        return wilson_interval(self.falls, self.judged) if self.judged else (0.0, 1.0)
 
     @property
     def hip_power_w_kg(self) -> float:
@@ -93,7 +102,7 @@ class EvaluationResult:
 
 def evaluate(
     controller: Controller | None,
-    config: Mapping[str, Any],
+    config: str | Path | Mapping[str, Any] | None,
     *,
     scenario: str | Path | None = None,
     episodes: int = 512,
@@ -103,24 +112,22 @@ def evaluate(
 ) -> EvaluationResult:
     """Run `episodes` episodes with the seeds `seed`, `seed + 1`, ... in one batch.
 
-    A controller (a policy, or one's own) brings its knee unit and its sections `action` and `observation`; a `config`
-    that names another knee unit is a ValueError. Without one, the state machine drives the knee, or a constant command
-    if `action.mode` is "constant". `scenario` (one of `prosthesis_gym.SCENARIOS`, or a file) is what the walkers meet;
-    `config` overrides it. `progress` is called with the env steps done and the most there can be.
+    `config` is a mapping, a TOML file, or None for the defaults. A controller (a policy, or one's own) brings its knee
+    unit and its sections `action` and `observation`; a `config` that names another knee unit is a ValueError. Without
+    one, the state machine drives the knee, or a constant command if `action.mode` is "constant". `scenario` (one of
+    `prosthesis_gym.SCENARIOS`, or a file) is what the walkers meet; `config` overrides it. `progress` is called with
+    the env steps done and the most there can be.
+
+    Raises:
+        ValueError: impossible arguments or actions, or a setting of `config` that has no effect.
+
     """
-    if not 1 <= episodes <= 1_000_000:
-        raise ValueError(f"episodes = {episodes} is outside its allowed range [1, 1000000]")
-    if not 0 <= seed < 2**63:
-        raise ValueError(f"seed = {seed} is outside its allowed range [0, 2^63)")
-    if scenario is not None:
-        config = merge(load_scenario(scenario), config)
-    if controller is not None:
-        config = controller.configure(config)
-        require_one_action(config)
-    elif resolve(config)["action"]["mode"] != "constant":
-        config = merge(config, {"action": {"mode": "state_machine"}})
+    episodes, seed = (
+        whole_number("episodes", episodes, 1, 1_000_000),
+        whole_number("seed", seed, 0, 2**63 - 1, "2^63 - 1"),
+    )
     # "next_step" because the batch goes on when some have ended; of each walker the first episode alone counts.
-    resolved = resolve(config)
+    resolved = resolve(driven(checked(config, controller, scenario), controller))
     walkers = Walkers(episodes, resolved, [_STANDS_STILL], "next_step", threads)
     observations = walkers.reset(np.arange(seed, seed + episodes, dtype=np.uint64))
     drawn = walkers.batch.episodes()
@@ -135,7 +142,7 @@ def evaluate(
     actions, done = np.zeros(episodes), 0
     while running.any():
         if controller is not None:
-            actions = controller.act(observations)
+            actions = actions_of(controller, observations)
         step = walkers.step(actions)
         observations = step.observations
         still[running] = np.where(step.terms[:, -1] == 1.0, still + 1, 0)[running]
@@ -148,26 +155,36 @@ def evaluate(
             progress(done, most)
 
     names = np.array(_core.REASONS)[reasons]
-    fell = names != "time_limit"
+    diverged = names == "non_finite"
+    fell = (names != "time_limit") & ~diverged
     profile = resolved["scenario"]["profile"]
     walks_on = not profile or profile[-1]["walk"]
     return EvaluationResult(
-        reasons={name: int((names == name).sum()) for name in _core.REASONS if name not in ("none", "time_limit")},
-        stalls=int((~fell & (still * step_s > _STILL_S)).sum()) if walks_on else 0,
+        reasons={name: int((names == name).sum()) for name in _core.REASONS if name not in _NO_FALLS},
+        diverged=int(diverged.sum()),
+        stalls=int((~fell & ~diverged & (still * step_s > _STILL_S)).sum()) if walks_on else 0,
         episodes=episodes,
-        mean_return=float(returns.mean()),
-        mean_terms=dict(zip(_core.TERMS, sums.mean(axis=0).tolist(), strict=True)),
-        mean_duration_s=float(steps.mean() * step_s),
-        parts=_parts(fell, np.abs(drawn["push_n"]), drawn["start"]),
+        mean_return=_mean(returns[~diverged]),
+        mean_terms={name: _mean(column[~diverged]) for name, column in zip(_core.TERMS, sums.T, strict=True)},
+        mean_duration_s=_mean(steps[~diverged]) * step_s,
+        parts=_parts(fell[~diverged], np.abs(drawn["push_n"])[~diverged], drawn["start"][~diverged]),
     )
+
+
+def _mean(values: NDArray[Any]) -> float:
+    return float(values.mean()) if values.size else math.nan
 
 
 def _parts(
     fell: NDArray[np.bool_], push_n: NDArray[np.float64], start: NDArray[np.uint8]
 ) -> dict[str, tuple[int, int]]:
-    """Count (falls, episodes) by tercile of push size and by start; a part without episodes is left out."""
+    """Count (falls, episodes) by tercile of push size, where pushes differ, and by start; no part is empty."""
+    if not push_n.size:
+        return {}
     thirds = np.digitize(push_n, np.quantile(push_n, [1 / 3, 2 / 3]))
     members = {name: thirds == index for index, name in enumerate(_PUSHES)}
+    if not all(member.any() for member in members.values()):
+        members = {}  # nobody is pushed, or all are alike
     members |= {name: start == index for index, name in enumerate(_STARTS)}
     return {name: (int(fell[member].sum()), int(member.sum())) for name, member in members.items() if member.any()}
 
@@ -187,6 +204,7 @@ def comparison_table(results: Mapping[str, EvaluationResult]) -> Table:
 
     row("episodes", lambda result: str(result.episodes))
     row("falls", lambda result: str(result.falls))
+    row("diverged, not counted", lambda result: str(result.diverged))
     row("fall rate", lambda result: f"{result.fall_rate:.1%}")
     row("95 % interval", lambda result: "{:.1%} to {:.1%}".format(*result.interval))
     for name in dict.fromkeys(part for result in results.values() for part in result.parts):

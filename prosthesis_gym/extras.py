@@ -9,6 +9,11 @@ def optional(module: str, extra: str | None = "plot") -> Any:  # noqa: ANN401 - 
     try:
         return import_module(module)
     except ModuleNotFoundError as error:
-        package = module.partition(".")[0]
-        hint = f"pip install {package}" if extra is None else f"pip install 'prosthesis-gym[{extra}]'"
-        raise ModuleNotFoundError(f"{package} is not installed; get it with: {hint}") from error
+        raise missing(error.name or module, extra) from error
+
+
+def missing(module: str, extra: str | None) -> ModuleNotFoundError:
+    """Return the error of a module that is not installed: it names what to install."""
+    package = module.partition(".")[0]
+    hint = f"pip install {package}" if extra is None else f"pip install 'prosthesis-gym[{extra}]'"
+    return ModuleNotFoundError(f"{package} is not installed; get it with: {hint}", name=module)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from prosthesis_gym.draws import left_to_chance
 from prosthesis_gym.trial import INTACT_DOUBLE, INTACT_STANCE, INTACT_SWING, RESIDUAL, STEP_CYCLE, Trial
 
 
@@ -116,7 +117,13 @@ def mean_powers(trial: Trial, begin_s: float, end_s: float) -> dict[str, float]:
 
     Knee: of the gear on the knee. Rotor: of the motor's torque on its rotor, its positive and its negative part too.
     Electrical: drawn from the supply and what could be returned to it. Joule: lost in the windings.
+
+    Raises:
+        ValueError: a knee without a motor, or a window outside the trial.
+
     """
+    if (kind := trial.config["device"]["kind"]) != "motor":
+        raise ValueError(f"mean powers are those of a motor knee, and this one is {kind!r}")
     time = trial["time_s"]
     if not 0.0 <= begin_s < end_s <= time[-1]:
         raise ValueError(
@@ -137,7 +144,7 @@ def mean_powers(trial: Trial, begin_s: float, end_s: float) -> dict[str, float]:
 
 
 def stride_json(trial: Trial, powers: dict[str, float] | None = None) -> str:
-    """Outcome, strides, their summary and any mean powers as JSON; a measure that does not exist is null."""
+    """Outcome, seed, draws, strides, their summary and any mean powers as JSON; what does not exist is null."""
     strides = stride_table(trial)
     content: dict[str, object] = {
         "outcome": trial.outcome,
@@ -145,6 +152,8 @@ def stride_json(trial: Trial, powers: dict[str, float] | None = None) -> str:
         "strides": [dataclasses.asdict(stride) for stride in strides],
         "summary": summary(strides),
     }
+    if trial.drawn:
+        content |= {"seed": trial.seed, "drawn": left_to_chance(trial)}
     if powers is not None:
         content["mean_powers"] = powers
     return json.dumps(_without_nan(content), indent=2, allow_nan=False)
@@ -155,4 +164,4 @@ def _without_nan(value: object) -> object:
         return {key: _without_nan(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_without_nan(item) for item in value]
-    return None if isinstance(value, float) and np.isnan(value) else value
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import string
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -262,5 +263,8 @@ def _new_figure(path: str | Path, size_inches: tuple[float, float]) -> Iterator[
     with optional("matplotlib").rc_context(_STYLE):
         figure: Figure = optional("matplotlib.figure").Figure(figsize=size_inches, layout="constrained")
         yield figure
+        # By way of memory: not every format tells a disk that is full from other mishaps.
+        content = io.BytesIO()
+        figure.savefig(content, format=path.suffix[1:])
         with atomic_write(path) as temporary:
-            figure.savefig(temporary, format=path.suffix[1:])
+            temporary.write_bytes(content.getbuffer())

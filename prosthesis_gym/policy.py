@@ -21,13 +21,17 @@ import safetensors.numpy
 from numpy.typing import ArrayLike, NDArray
 from safetensors import SafetensorError
 
+from prosthesis_gym.arguments import file_path
 from prosthesis_gym.config import Config, merge, resolve
 from prosthesis_gym.devices import DEVICES
-from prosthesis_gym.files import atomic_write
+from prosthesis_gym.files import atomic_write, read_json
 
 FORMAT = 1
 WEIGHTS_FILE = "policy.safetensors"
 DESCRIPTION_FILE = "policy.json"
+#: Folder of a training run that holds its best policy.
+RUN_FOLDER = "policy"
+_NEW_WEIGHTS_FILE = "policy.new.safetensors"
 
 
 @dataclass(frozen=True)
@@ -123,9 +127,8 @@ class Policy:
         return np.clip(values[:, 0, 0], -1.0, 1.0).astype(np.float64)
 
     def save(self, folder: str | Path) -> None:
-        """Write the file pair into `folder`, each file at once or not at all."""
+        """Write the file pair into `folder`: whenever this is interrupted, the old or the new one can be loaded."""
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
         tensors = {}
         for index, (weights, biases) in enumerate(self.layers):
             tensors[f"layer{index}.weights"], tensors[f"layer{index}.biases"] = weights, biases
@@ -145,25 +148,32 @@ class Policy:
             "config": dict(self.config),
             "weights_sha256": hashlib.sha256(data).hexdigest(),
         }
-        with atomic_write(folder / WEIGHTS_FILE) as path:
+        # The description says which weights are its own: new ones wait beside the old until it names them, so that a
+        # policy can be read whenever this is interrupted.
+        if (folder / _NEW_WEIGHTS_FILE).exists():
+            _finish_saving(folder)
+        with atomic_write(folder / _NEW_WEIGHTS_FILE) as path:
             path.write_bytes(data)
         with atomic_write(folder / DESCRIPTION_FILE) as path:
             path.write_text(json.dumps(description, indent=2) + "\n", encoding="utf-8")
+        (folder / _NEW_WEIGHTS_FILE).replace(folder / WEIGHTS_FILE)
 
     @classmethod
     def load(cls, folder: str | Path) -> Policy:
-        """Read the file pair from `folder`; a missing, damaged or foreign file is a ValueError."""
-        folder = Path(folder)
+        """Read the file pair from `folder`, or from `policy` in it, where a training run keeps its best.
+
+        Raises:
+            ValueError: no policy there, or a damaged or foreign file; names it.
+
+        """
+        found = _policy_folder(file_path("folder", folder))
+        path = found / DESCRIPTION_FILE
+        description = read_json(path)
         try:
-            description = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
-            data = (folder / WEIGHTS_FILE).read_bytes()
-        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise ValueError(f"no policy in {folder}: {error}") from error
-        try:
-            return cls._decode(description, data)
-        except (ValueError, TypeError, KeyError, SafetensorError) as error:
+            return cls._decode(description, _weights(found, description))
+        except (ValueError, TypeError, KeyError, AttributeError, SafetensorError) as error:
             reason = f"missing key {error}" if isinstance(error, KeyError) else error
-            raise ValueError(f"policy in {folder} cannot be used: {reason}") from error
+            raise ValueError(f"{path}: the policy cannot be used: {reason}") from error
 
     @classmethod
     def _decode(cls, description: dict[str, Any], data: bytes) -> Policy:
@@ -173,8 +183,6 @@ class Policy:
         kinds = {device.env_id: kind for kind, device in DEVICES.items()}
         if description["env_id"] not in kinds:
             raise ValueError(f"env_id = {description['env_id']!r}, expected one of {', '.join(kinds)}")
-        if description["weights_sha256"] != hashlib.sha256(data).hexdigest():
-            raise ValueError(f"{WEIGHTS_FILE} is not the one that {DESCRIPTION_FILE} describes")
         tensors = safetensors.numpy.load(data)
         layers = [
             (tensors[f"layer{index}.weights"], tensors[f"layer{index}.biases"])
@@ -194,3 +202,29 @@ class Policy:
         if policy.layer_sizes != description["layer_sizes"]:
             raise ValueError(f"layer_sizes = {description['layer_sizes']}, but the weights have {policy.layer_sizes}")
         return policy
+
+
+def _policy_folder(folder: Path) -> Path:
+    for place in (folder, folder / RUN_FOLDER):
+        if (place / DESCRIPTION_FILE).is_file():
+            return place
+    raise ValueError(f"no policy in {folder}: neither it nor its folder {RUN_FOLDER!r} has a {DESCRIPTION_FILE}")
+
+
+def _weights(folder: Path, description: Mapping[str, Any]) -> bytes:
+    """Return the weights that the description names by their hash, from wherever an interrupted `save` left them."""
+    for name in (WEIGHTS_FILE, _NEW_WEIGHTS_FILE):
+        path = folder / name
+        if path.is_file() and hashlib.sha256(data := path.read_bytes()).hexdigest() == description["weights_sha256"]:
+            return data
+    raise ValueError(f"{WEIGHTS_FILE} is missing, or not the one that {DESCRIPTION_FILE} describes")
+
+
+def _finish_saving(folder: Path) -> None:
+    """Give the weights that an interrupted `save` left under their temporary name their own, if they are in use."""
+    try:
+        data = _weights(folder, read_json(folder / DESCRIPTION_FILE))
+    except (ValueError, KeyError, OSError):
+        return  # nothing there that could be lost
+    with atomic_write(folder / WEIGHTS_FILE) as path:
+        path.write_bytes(data)

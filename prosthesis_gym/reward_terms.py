@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
+from prosthesis_gym.channels import call_with_channels
 from prosthesis_gym.config import Config, merge
 
 
@@ -42,12 +43,15 @@ class RewardTerm:
     groups: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        if not self.name or self.name.startswith("_"):
+        if not isinstance(self.name, str) or not self.name or self.name.startswith("_"):
             raise ValueError(f"name = {self.name!r} of a reward term must not be empty, nor begin with an underscore")
         if isinstance(self.groups, str):
             message = f"groups = {self.groups!r} of reward term {self.name!r} must be a list of names"
             raise ValueError(message)  # noqa: TRY004 - bad input is a ValueError throughout
-        if not np.isfinite(self.weight):
+        if not callable(self.function):
+            message = f"function = {self.function!r} of reward term {self.name!r} must be a function of the channels"
+            raise ValueError(message)  # noqa: TRY004 - bad input is a ValueError throughout
+        if not isinstance(self.weight, int | float | np.number) or not np.isfinite(self.weight):
             raise ValueError(f"weight = {self.weight} of reward term {self.name!r} must be finite")
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -73,7 +77,9 @@ class RewardTerm:
 
     def values(self, channels: Mapping[str, NDArray[np.float64]], counted: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the term (N,) where `counted` is True, 0 elsewhere."""
-        values = np.asarray(self.function(channels))
+        remedy = f"add groups=[{{group!r}}] to RewardTerm({self.name!r}, ...)"
+        returned = call_with_channels(self.function, channels, f"reward term {self.name!r}", remedy)
+        values = np.asarray(returned)
         if values.shape != counted.shape or values.dtype.kind not in "fiub":
             raise ValueError(
                 f"reward term {self.name!r} gave shape {values.shape} and dtype {values.dtype}, "
@@ -124,6 +130,8 @@ class RewardTerms:
     def __init__(self, config: Config, terms: Sequence[RewardTerm], num_envs: int) -> None:
         names = list(_core.TERMS)
         for term in terms:
+            if not isinstance(term, RewardTerm):
+                raise ValueError(f"reward term {term!r} must be a RewardTerm")  # noqa: TRY004
             if term.name in names:
                 taken = "built in" if term.name in _core.TERMS else "given twice"
                 raise ValueError(f"reward term {term.name!r} is {taken}; names must differ")

@@ -4,6 +4,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Final
 
+from prosthesis_gym.arguments import file_path
 from prosthesis_gym.config import Config, load_config
 
 _PRESETS = resources.files("prosthesis_gym") / "presets" / "reward"
@@ -22,10 +23,10 @@ def load_reward(source: str | Path) -> Config:
         ValueError: no such reward, another section, or an impossible weight.
 
     """
-    if source in REWARDS:
+    if isinstance(source, str) and source in REWARDS:
         with resources.as_file(_PRESETS / f"{source}.toml") as path:
             return load_config(path)
-    path = Path(source)
+    path = file_path("reward", source)
     if path.suffix != ".toml" or not path.is_file():
         raise ValueError(f"reward = {str(source)!r}: neither one of {', '.join(REWARDS)} nor an existing .toml file")
     config = load_config(path)

@@ -11,14 +11,20 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
-from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
 
+from prosthesis_gym.extras import missing
 from prosthesis_gym.reward_terms import RewardTerm
-from prosthesis_gym.sb3_normalisation import OBSERVATION_EPSILON, ObservationMoments, ProsthesisVecNormalize
 from prosthesis_gym.seeding import check_seed, check_whole
 from prosthesis_gym.vector_env import ProsthesisVectorEnv, check_actions
+
+try:
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
+
+    from prosthesis_gym.sb3_normalisation import OBSERVATION_EPSILON, ObservationMoments, ProsthesisVecNormalize
+except ModuleNotFoundError as error:
+    raise missing(error.name or "stable_baselines3", "train") from error
 
 __all__ = ["OBSERVATION_EPSILON", "ObservationMoments", "ProsthesisVecEnv", "ProsthesisVecNormalize"]
 

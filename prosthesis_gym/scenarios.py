@@ -1,6 +1,7 @@
 """What a walker meets: presets, and the same from TOML files, or from CSV files of speeds over time."""
 
 import csv
+import io
 import tomllib
 from collections.abc import Mapping
 from importlib import resources
@@ -8,8 +9,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any, Final
 
+from prosthesis_gym.arguments import file_path
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.config import Config, resolve
+from prosthesis_gym.files import read_text, read_toml
 
 _PRESETS = resources.files("prosthesis_gym") / "presets" / "scenario"
 
@@ -43,11 +46,11 @@ def load_scenario(source: str | Path) -> Config:
         ValueError: no such scenario, a section that is not a scenario's, or an impossible value.
 
     """
-    if source in SCENARIOS:
-        return _read_toml(_preset_text(str(source)), str(source))
-    path = Path(source)
+    if isinstance(source, str) and source in SCENARIOS:
+        return _completed(tomllib.loads(_preset_text(str(source))), str(source))
+    path = file_path("scenario", source)
     if path.suffix == ".toml" and path.is_file():
-        return _read_toml(path.read_text("utf-8"), str(path))
+        return _completed(read_toml(path), str(path))
     if path.suffix == ".csv" and path.is_file():
         return _complete({"scenario": {"profile": _csv_knots(path)}}, str(path))
     raise ValueError(
@@ -72,11 +75,7 @@ def _preset_text(name: str) -> str:
     return (_PRESETS / f"{name}.toml").read_text("utf-8")
 
 
-def _read_toml(text: str, name: str) -> Config:
-    try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{name}: {error}") from None
+def _completed(content: Config, name: str) -> Config:
     if content.keys() == {"profile"}:
         content = {"scenario": content}
     if foreign := [section for section in _FOREIGN if section in content]:
@@ -131,20 +130,19 @@ def _with_duration(scenario: dict[str, Any], name: str) -> dict[str, Any]:
 
 
 def _csv_knots(path: Path) -> list[dict[str, Any]]:
-    with path.open(newline="", encoding="utf-8-sig") as file:
-        rows = csv.DictReader(file, skipinitialspace=True)
-        if sorted(rows.fieldnames or ()) != sorted(_CSV_COLUMNS):
-            raise ValueError(f"{path}: columns are {rows.fieldnames}, must be {', '.join(_CSV_COLUMNS)}")
-        knots: list[dict[str, Any]] = []
-        for row in rows:
-            walk = _TRUTH.get(str(row["walk"]).strip().lower())
-            if walk is None:
-                raise ValueError(f"{path}, line {rows.line_num}: walk = {row['walk']!r} is none of 0, 1, false, true")
-            knot: dict[str, Any] = {"walk": walk}
-            for name in ("time_s", "speed_m_s"):
-                try:
-                    knot[name] = float(row[name])
-                except (TypeError, ValueError):
-                    raise ValueError(f"{path}, line {rows.line_num}: {name} = {row[name]!r} is not a number") from None
-            knots.append(knot)
+    rows = csv.DictReader(io.StringIO(read_text(path), newline=""), skipinitialspace=True)
+    if sorted(rows.fieldnames or ()) != sorted(_CSV_COLUMNS):
+        raise ValueError(f"{path}: columns are {rows.fieldnames}, must be {', '.join(_CSV_COLUMNS)}")
+    knots: list[dict[str, Any]] = []
+    for row in rows:
+        walk = _TRUTH.get(str(row["walk"]).strip().lower())
+        if walk is None:
+            raise ValueError(f"{path}, line {rows.line_num}: walk = {row['walk']!r} is none of 0, 1, false, true")
+        knot: dict[str, Any] = {"walk": walk}
+        for name in ("time_s", "speed_m_s"):
+            try:
+                knot[name] = float(row[name])
+            except (TypeError, ValueError):
+                raise ValueError(f"{path}, line {rows.line_num}: {name} = {row[name]!r} is not a number") from None
+        knots.append(knot)
     return knots

@@ -3,7 +3,7 @@
 import csv
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.config import CONTROL_PERIOD_S, merge, resolve
-from prosthesis_gym.controller import Controller, require_one_action
+from prosthesis_gym.arguments import whole_number
+from prosthesis_gym.config import CONTROL_PERIOD_S, merge, read_config, resolve
+from prosthesis_gym.controller import Controller, actions_of, checked, driven
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.progress import progress_bar
@@ -26,6 +27,8 @@ RESIDUAL, INTACT = range(2)
 #: A stopping step that has not come to an end this long after the last foot strike never will.
 _STOP_TIMEOUT_S = 5.0
 _STEPS_PER_UPDATE = 100
+#: Outcome of a trial whose integration diverged: nobody knows how the walk would have gone on.
+DIVERGED = "diverged"
 _METADATA = b"prosthesis_gym"
 
 
@@ -33,8 +36,8 @@ _METADATA = b"prosthesis_gym"
 class Trial:
     """What happened: `columns` has one row per 5 ms from t = 0, `events` one per foot strike.
 
-    `outcome` is "standing", "walking", "stopped on its toe" or "fell: <reason>"; `config` is complete, and draws from
-    `seed` what it leaves to chance.
+    `outcome` is "standing", "walking", "stopped on its toe", "fell: <reason>" or "diverged"; `config` is complete, and
+    draws from `seed` what it leaves to chance. `drawn` is what it drew, by the names of `Batch.episodes`.
     """
 
     columns: dict[str, NDArray[Any]]
@@ -42,6 +45,7 @@ class Trial:
     outcome: str
     config: dict[str, Any]
     seed: int = 0
+    drawn: dict[str, Any] = field(default_factory=dict)
 
     def __getitem__(self, column: str) -> NDArray[Any]:
         return self.columns[column]
@@ -53,8 +57,13 @@ class Trial:
 
     @property
     def fell(self) -> bool:
-        """Whether the trial ended before its time."""
+        """Whether the trial ended in a fall."""
         return self.outcome.startswith("fell")
+
+    @property
+    def ended_early(self) -> bool:
+        """Whether the trial ended before its time: in a fall, or because the integration diverged."""
+        return self.fell or self.outcome == DIVERGED
 
     def strikes_s(self, leg: int) -> NDArray[np.float64]:
         """Return the times (s) of the foot strikes of a leg, `RESIDUAL` or `INTACT`."""
@@ -63,7 +72,7 @@ class Trial:
 
 
 def run_trial(
-    config: Mapping[str, Any],
+    config: str | Path | Mapping[str, Any] | None = None,
     *,
     policy: Controller | None = None,
     duration_s: float | None = None,
@@ -72,38 +81,43 @@ def run_trial(
 ) -> Trial:
     """Walk one walker until it falls or its time is over.
 
-    A policy, or another controller, brings its knee unit and its sections `action` and `observation`; a `config` that
-    names another knee unit is a ValueError. Without a policy, `action.mode` must be "state_machine" or "constant".
-    `duration_s` replaces `scenario.duration_s`.
+    `config` is a mapping, a TOML file, or None for the defaults. A policy, or another controller, brings its knee unit
+    and its sections `action` and `observation`; a `config` that names another knee unit is a ValueError. Without one,
+    the state machine drives the knee, or a constant command if `action.mode` is "constant". `duration_s` replaces
+    `scenario.duration_s`.
+
+    Raises:
+        ValueError: impossible configuration, seed or actions; names key, value and range.
+
     """
-    if policy is not None:
-        config = policy.configure(config)
-        require_one_action(config)
+    seed = whole_number("seed", seed, 0, 2**64 - 1, "2^64 - 1")
+    config = read_config(config)
     if duration_s is not None:
         config = merge(config, {"scenario": {"duration_s": duration_s}})
-    resolved = resolve(config)
-    mode = resolved["action"]["mode"]
-    if policy is None and mode not in ("state_machine", "constant"):
-        raise ValueError(f"action.mode = {mode!r} needs a policy; without one it is 'state_machine' or 'constant'")
-
+    resolved = resolve(driven(checked(config, policy), policy))
     batch = _core.Batch(1, resolved, autoreset="disabled")
     batch.record(0)
     observation = batch.reset(np.array([seed], dtype=np.uint64), None)
+    drawn = {name: values[0].item() for name, values in batch.episodes().items()}
     actions = np.zeros(1)
     with progress_bar("simulating", resolved["scenario"]["duration_s"], "s", shown=progress) as show:
         steps, done = 0, False
         while not done:
             if policy is not None:
-                actions = np.asarray(policy.act(observation), dtype=np.float64).reshape(1)
+                actions = actions_of(policy, observation)
             step = batch.step(actions)
-            observation, fell = step.observations, bool(step.terminated[0])
-            done = fell or bool(step.truncated[0])
+            observation, ended_early = step.observations, bool(step.terminated[0])
+            done = ended_early or bool(step.truncated[0])
             steps += 1
             if steps % _STEPS_PER_UPDATE == 0:
                 show(CONTROL_PERIOD_S * resolved["action"]["hold"] * steps)
     columns, events = batch.recording(), batch.events()
-    outcome = f"fell: {_core.REASONS[step.reasons[0]]}" if fell else _upright_outcome(columns, events)
-    return Trial(columns, events, outcome, resolved, seed)
+    outcome = _early_outcome(_core.REASONS[step.reasons[0]]) if ended_early else _upright_outcome(columns, events)
+    return Trial(columns, events, outcome, resolved, seed, drawn)
+
+
+def _early_outcome(reason: str) -> str:
+    return DIVERGED if reason == "non_finite" else f"fell: {reason}"
 
 
 def _upright_outcome(columns: Mapping[str, NDArray[Any]], events: Mapping[str, NDArray[Any]]) -> str:
@@ -137,7 +151,13 @@ def save_trial(trial: Trial, path: str | Path) -> None:
         else:
             pa, parquet = optional("pyarrow"), optional("pyarrow.parquet")
             events = {name: values.tolist() for name, values in trial.events.items()}
-            metadata = {"outcome": trial.outcome, "config": trial.config, "seed": trial.seed, "events": events}
+            metadata = {
+                "outcome": trial.outcome,
+                "config": trial.config,
+                "seed": trial.seed,
+                "drawn": trial.drawn,
+                "events": events,
+            }
             table = pa.table(trial.columns).replace_schema_metadata({_METADATA: json.dumps(metadata).encode()})
             parquet.write_table(table, temporary)
 
@@ -157,4 +177,4 @@ def load_trial(path: str | Path) -> Trial:
     metadata = json.loads(table.schema.metadata[_METADATA])
     columns = {name: table[name].to_numpy() for name in table.column_names}
     events = {name: np.asarray(values) for name, values in metadata["events"].items()}
-    return Trial(columns, events, metadata["outcome"], metadata["config"], metadata["seed"])
+    return Trial(columns, events, metadata["outcome"], metadata["config"], metadata["seed"], metadata.get("drawn", {}))

@@ -10,8 +10,10 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
+from prosthesis_gym.arguments import whole_number
 from prosthesis_gym.config import Config, merge, read_config, resolve
 from prosthesis_gym.devices import DEVICES
+from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
@@ -21,6 +23,8 @@ from prosthesis_gym.time_limit import set_limit
 
 Autoreset = Literal["next_step", "same_step", "disabled"]
 Observations = NDArray[np.float32]
+
+MOST_THREADS = 1024
 
 
 class ClosedError(ClosedEnvironmentError, ValueError):
@@ -43,16 +47,21 @@ def environment_config(
         device: `device.kind`, if given.
 
     Raises:
-        ValueError: impossible configuration; or one of another knee unit than `device`.
+        ValueError: impossible configuration, one of another knee unit than `device`, or a setting of `source` that has
+            no effect.
 
     """
-    config: Config = {} if scenario is None else load_scenario(scenario)
-    if reward is not None:
-        config = merge(config, load_reward(reward))
-    config = merge(config, read_config(source))
+    given, base = read_config(source), {} if scenario is None else load_scenario(scenario)
     if device is not None:
-        _check_device(config, device)
-        config = merge(config, {"device": {"kind": device}})
+        _check_device(merge(base, given), device)
+    config = laid_over(
+        [
+            Layer(base, given=False),
+            Layer({} if reward is None else load_reward(reward), given=False),
+            Layer(given),
+            Layer({} if device is None else {"device": {"kind": device}}),
+        ]
+    )
     return resolve(config)
 
 
@@ -114,8 +123,9 @@ class Walkers:
         *,
         max_episode_steps: int | None = None,
     ) -> None:
-        if not 1 <= num_envs <= _core.MOST_ENVIRONMENTS:  # before terms of one's own make room for them
-            raise ValueError(f"num_envs = {num_envs} is outside its allowed range [1, {_core.MOST_ENVIRONMENTS}]")
+        whole_number("num_envs", num_envs, 1, _core.MOST_ENVIRONMENTS)  # before terms of one's own make room for them
+        if threads is not None:
+            whole_number("threads", threads, 1, MOST_THREADS)
         self.terms = RewardTerms(config, reward_terms, num_envs)
         self.batch = _core.Batch(num_envs, self.terms.core_config, autoreset, threads)
         set_limit(self.batch, max_episode_steps)

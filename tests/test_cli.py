@@ -1,16 +1,19 @@
 """The command line: what it prints, writes, refuses and returns."""
 
 import json
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from policies import save_policy
 from rich.console import Console
 
 from prosthesis_gym import _core, progress
-from prosthesis_gym.cli import main, trial_options, walk
+from prosthesis_gym.cli import main, new_parser, trial_options, walk
 from prosthesis_gym.config import merge, resolve
 from prosthesis_gym.plotting import plot_gait, plot_trial
 from prosthesis_gym.policy import Normalisation, Policy
@@ -293,6 +296,35 @@ def test_help_ends_with_examples(command: list[str], capsys: pytest.CaptureFixtu
         main([*command, "--help"])
     assert stopped.value.code == 0
     assert "examples:\n  prosthesis-gym " in capsys.readouterr().out
+
+
+def examples_of_help(command: str, capsys: pytest.CaptureFixture[str]) -> list[list[str]]:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    lines = capsys.readouterr().out.partition("examples:\n")[2].splitlines()
+    # Without what is said about them, and without a shell's redirection.
+    commands = [re.split(r"\s{3,}|\s>", line.strip())[0] for line in lines if line.startswith("  prosthesis-gym ")]
+    return [shlex.split(line)[1:] for line in commands]
+
+
+@pytest.mark.parametrize("command", ["walk", "render"])
+def test_examples_of_help_are_possible(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("my_speeds.csv").write_text("time_s,speed_m_s,walk\n0,1.1,0\n1,1.1,1\n")
+    save_policy(tmp_path / "runs/damper_ppo/policy")
+    examples = examples_of_help(command, capsys)
+    assert len(examples) >= 6
+    for arguments in examples:
+        config, _ = trial_options.configure(new_parser().parse_args(arguments))
+        assert resolve(config) == config
+
+
+@pytest.mark.parametrize("command", ["scenarios", "bodies", "accuracy", "bench", "torture", "parameters"])
+def test_examples_of_other_helps_parse(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in examples_of_help(command, capsys):
+        assert callable(new_parser().parse_args(arguments).run)
 
 
 @pytest.fixture(scope="module")

@@ -1,15 +1,19 @@
 """Evaluation counts each walker once, whatever the batch looks like, and knows how sure it is."""
 
 import dataclasses
+import re
 from io import StringIO
+from typing import Any
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from prosthesis_gym import ProsthesisEnv
+from prosthesis_gym.config import merge
 from prosthesis_gym.evaluation import HELD_OUT_SEED, VALIDATION_SEED, comparison_table, evaluate, wilson_interval
 from prosthesis_gym.policy import Normalisation, Policy
+from prosthesis_gym.trial import run_trial
 
 SHORT = {
     "scenario": {"duration_s": 5.0, "push_s": [1.0, 3.0], "push_n": [0.0, 600.0]},
@@ -101,6 +105,63 @@ def test_parts_cover_all_episodes_and_falls() -> None:
         assert sum(episodes for _, episodes in parts) == 300
     assert thirds[0][0] < thirds[2][0]
     assert result.interval[0] < result.fall_rate < result.interval[1]
+
+
+def test_thirds_of_pushes_are_counted_where_pushes_differ_alone() -> None:
+    for push_n in (0.0, 100.0, {"choice": [0.0, 300.0]}):
+        result = evaluate(None, {"scenario": {"duration_s": 2.0, "push_n": push_n}}, episodes=30)
+        assert not [name for name in result.parts if "push" in name]
+        assert sum(episodes for _, episodes in result.parts.values()) == 30
+    steady = evaluate(None, {}, scenario="steady", episodes=8)
+    text = StringIO()
+    Console(file=text, width=120).print(comparison_table({"state machine": steady}))
+    assert "push" not in text.getvalue()
+
+
+DIVERGING: list[dict[str, Any]] = [
+    # Explicit steps that are too long for such a ground, and stops that no walker can compress.
+    {"ground": {"damping_ns_m15": 1e7}, "solver": {"stepper": "rk4", "steps": 20}},
+    {"end_stop": {"half_compression_torque_nm": 1e4, "thickness_deg": 0.01}},
+    {"scenario": {"push_n": [0.0, 1e4], "push_s": [0.0, 1.0], "push_duration_s": [0.1, 5.0]}},
+]
+
+
+def test_a_divergence_is_no_fall_and_in_no_other_count() -> None:
+    found = 0
+    for config in DIVERGING:
+        whole = merge(config, {"scenario": {"duration_s": 2.0}})
+        result = evaluate(None, whole, episodes=24)
+        envs = ProsthesisEnv(merge(whole, {"action": {"mode": "state_machine"}}))
+        reasons = []
+        for episode in range(24):
+            envs.reset(seed=HELD_OUT_SEED + episode)
+            done = False
+            while not done:
+                _, _, terminated, truncated, _ = envs.step(np.zeros(1, dtype=np.float32))
+                done = terminated or truncated
+            reasons.append(reason(whole, HELD_OUT_SEED + episode) if terminated else "")
+        diverged = reasons.count("non_finite")
+        found += diverged
+        falls = sum(reasons.count(name) for name in ("hip_height", "joint_limit"))
+        assert (result.diverged, result.falls, result.judged) == (diverged, falls, 24 - diverged)
+        assert "non_finite" not in result.reasons
+        if result.judged:
+            assert result.fall_rate == falls / (24 - diverged)
+            assert result.interval == wilson_interval(falls, 24 - diverged)
+            assert np.isfinite(result.mean_return)
+        else:
+            assert np.isnan(result.fall_rate)
+            assert result.interval == (0.0, 1.0)
+        assert result.failure_rate >= (falls + diverged) / 24
+        text = StringIO()
+        Console(file=text, width=120).print(comparison_table({"state machine": result}))
+        assert re.search(rf"diverged, not counted\W+{diverged}\W", text.getvalue())
+    assert found > 0
+
+
+def reason(config: dict[str, Any], seed: int) -> str:
+    outcome = run_trial(config, seed=seed, progress=False).outcome
+    return "non_finite" if outcome == "diverged" else outcome.removeprefix("fell: ")
 
 
 def test_constant_damping_is_evaluated_as_such() -> None:

@@ -34,6 +34,30 @@ def test_help_shows_how_to_call_it(name: str, tmp_path: Path) -> None:
     assert f"python examples/{name}" in result.stdout
 
 
+@pytest.mark.parametrize(
+    ("name", "arguments", "message"),
+    [
+        ("evaluate.py", ["--episodes", "0"], "episodes = 0 is outside its allowed range"),
+        ("evaluate.py", ["--scenario", "nowhere"], "scenario = 'nowhere'"),
+        ("evaluate.py", ["--policy", "nothing"], "no policy in nothing"),
+        ("evaluate.py", ["--constant", "-1"], "action.constant_nms2_rad2 = -1"),
+        ("write_a_controller.py", ["--seconds", "0"], "scenario.duration_s = 0"),
+        ("write_a_controller.py", ["--out", "walk.bmp"], "walk.bmp: a figure is saved as .png"),
+        ("write_a_controller.py", ["--out", "file/walk.png", "--seconds", "1"], "Not a directory: 'file'"),
+        ("train_ppo_cleanrl.py", ["--steps", "0"], "--steps = 0 must be at least 1"),
+        ("train_ppo_cleanrl.py", ["--report-every", "0"], "--report-every = 0 must be at least 1"),
+        ("train_ppo_cleanrl.py", ["--env", "Ant-v9"], "--env = 'Ant-v9' must be one of prosthesis_gym/DamperKnee-v0"),
+        ("train_ppo_cleanrl.py", ["--seed", "-1"], "--seed = -1 must be 0 or more"),
+    ],
+)
+def test_mistakes_end_in_one_line(name: str, arguments: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    result = run(name, tmp_path, *arguments)
+    assert result.returncode == 2
+    assert message in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
 def test_ppo_reports_returns_and_falls(tmp_path: Path) -> None:
     result = run("train_ppo_cleanrl.py", tmp_path, *ARGUMENTS["train_ppo_cleanrl.py"])
     assert result.returncode == 0, result.stderr

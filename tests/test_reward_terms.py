@@ -190,6 +190,12 @@ def test_the_core_does_not_normalise_observations_that_terms_look_at() -> None:
         (lambda _: 1.0, r"'mine' gave shape \(\)"),
         (lambda channels: channels["knee_angle_rad"].astype(str), r"'mine' gave .* dtype <U"),
         (lambda channels: np.full_like(channels["knee_angle_rad"], np.nan), r"'mine' gave nan for walker 0"),
+        (
+            lambda channels: channels["true_hip_height_m"],
+            r"'mine' reads 'true_hip_height_m', .*: add groups=\['privileged'\] to RewardTerm\('mine'",
+        ),
+        (lambda channels: channels["motor_current_a"], r"'mine' reads 'motor_current_a', .*: only a motor knee has it"),
+        (lambda channels: channels["hip"], r"'mine' reads 'hip', .*: no such channel; here are knee_angle_rad, "),
     ],
 )
 def test_what_a_term_must_not_give_is_refused_by_its_name(function: Callable[..., Any], complaint: str) -> None:

@@ -26,7 +26,8 @@ from prosthesis_gym.scenarios import load_scenario
 from training.checkpoint import latest_checkpoint, load_checkpoint, save_checkpoint
 from training.export import export_policy
 from training.settings import Settings
-from training.train import BoundedReward, Trainer, main
+from training.train import main
+from training.trainer import BoundedReward, Trainer
 
 ROOT = Path(__file__).parents[1]
 TINY = """

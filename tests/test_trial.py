@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import merge
+from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.trial import INTACT, RESIDUAL, Trial, _upright_outcome, load_trial, run_trial, save_trial
 
 WALK: Mapping[str, Any] = {
@@ -75,10 +76,26 @@ def test_policy_drives_with_the_configuration_it_was_made_for() -> None:
     assert len(trial["time_s"]) == 201
 
 
-@pytest.mark.parametrize("mode", ["direct", "residual"])
-def test_modes_that_need_a_policy_say_so(mode: str) -> None:
-    with pytest.raises(ValueError, match=rf"action\.mode = '{mode}' needs a policy"):
-        run_trial({"action": {"mode": mode}}, duration_s=1.0)
+@pytest.mark.parametrize("config", [{}, {"action": {"mode": "direct"}}, {"action": {"mode": "residual"}}])
+def test_without_a_policy_the_state_machine_drives_as_in_an_evaluation(config: dict[str, Any]) -> None:
+    trial = run_trial(config, duration_s=1.0)
+    assert trial.config["action"]["mode"] == "state_machine"
+    expected = run_trial({"action": {"mode": "state_machine"}}, duration_s=1.0)
+    assert (trial["command"] == expected["command"]).all()
+    assert evaluate(None, config, episodes=1, threads=1).episodes == 1
+
+
+def test_impossible_seeds_and_threads_are_named() -> None:
+    for seed in (-1, 2**64):
+        with pytest.raises(ValueError, match=f"seed = {seed} is outside"):
+            run_trial({}, seed=seed)
+    wrong: list[Any] = [1.5, True, "3"]
+    for no_seed in wrong:
+        with pytest.raises(ValueError, match="must be a whole number"):
+            run_trial({}, seed=no_seed)
+    for threads in (0, -1, 5000):
+        with pytest.raises(ValueError, match=rf"threads = {threads} is outside its allowed range \[1, 1024\]"):
+            evaluate(None, {}, episodes=2, threads=threads)
 
 
 def test_standing_trial_stands() -> None:

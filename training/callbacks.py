@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import signal
 import time
 from collections import deque
@@ -12,12 +13,12 @@ from types import FrameType, TracebackType
 from typing import Any
 
 import numpy as np
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
 from prosthesis_gym import TerminationReason
 from prosthesis_gym.evaluation import EvaluationResult
-from prosthesis_gym.files import atomic_write
+from prosthesis_gym.files import atomic_write, read_text
 from prosthesis_gym.sb3 import ProsthesisVecEnv
 
 #: Episodes that the fall rate on the screen is taken over.
@@ -105,6 +106,18 @@ class CurriculumCallback(BaseCallback):
         return True
 
 
+def progress_columns() -> tuple[ProgressColumn, ...]:
+    """Return the columns of the progress bar; the bar itself takes what the numbers leave of the width."""
+    return (
+        TextColumn("[bold]{task.description}"),
+        BarColumn(bar_width=None),
+        TextColumn("{task.completed:,} of {task.total:,}"),
+        TextColumn("{task.fields[status]}"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+
+
 class ProgressCallback(BaseCallback):
     """A progress bar, and scalars for TensorBoard: reward terms with their weights, falls, and where the time goes."""
 
@@ -115,19 +128,14 @@ class ProgressCallback(BaseCallback):
         self._fell: deque[bool] = deque(maxlen=_RECENT_EPISODES)
         self._terms: deque[dict[str, float]] = deque(maxlen=_RECENT_EPISODES)
         self._began = (0.0, 0.0, 0)
-        self._bar = Progress(
-            TextColumn("[bold]{task.description}"),
-            BarColumn(bar_width=24),
-            MofNCompleteColumn(),
-            TextColumn("{task.fields[status]}"),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            disable=not shown,
-        )
-        self._task = self._bar.add_task("training", total=total_steps, status="")
+        self._bar = Progress(*progress_columns(), disable=not shown, expand=True)
+        self._task = self._bar.add_task("training", total=total_steps, status="first steps")
 
     def _on_training_start(self) -> None:
         self._began = (time.perf_counter(), self._env.core_seconds, self.num_timesteps)
+
+    def open(self) -> None:
+        """Put the bar on the screen, before learning resets the environment, which takes a while by itself."""
         self._bar.start()
 
     def _on_training_end(self) -> None:
@@ -143,9 +151,13 @@ class ProgressCallback(BaseCallback):
         self._bar.console.print(line, highlight=False)
 
     def _on_step(self) -> bool:
+        self._bar.update(self._task, completed=self.num_timesteps)
         infos = self.locals["infos"]
         for index in np.flatnonzero(self.locals["dones"]):
-            self._fell.append(infos[index]["termination_reason"] != TerminationReason.TIME_LIMIT)
+            reason = infos[index]["termination_reason"]
+            if reason == TerminationReason.NON_FINITE:
+                continue  # a diverged integration is no fall, and what it summed up is worth nothing
+            self._fell.append(reason != TerminationReason.TIME_LIMIT)
             self._terms.append(infos[index]["episode_terms"])
         return True
 
@@ -153,7 +165,7 @@ class ProgressCallback(BaseCallback):
         seconds = time.perf_counter() - self._began[0]
         env_share = (self._env.core_seconds - self._began[1]) / seconds
         speed = (self.num_timesteps - self._began[2]) / seconds
-        status = f"{speed:,.0f} steps/s, {env_share:.0%} in env"
+        status = f"{speed:,.0f}/s"
         self.logger.record("time/env_share", env_share)
         if self._fell:
             fall_rate = float(np.mean(self._fell))
@@ -172,11 +184,15 @@ class EvaluationLog:
         self._path = path
         self._rows: list[dict[str, str]] = []
         if path.exists():
-            with path.open(newline="", encoding="utf-8") as file:
-                self._rows = list(csv.DictReader(file))
+            self._rows = list(csv.DictReader(io.StringIO(read_text(path), newline="")))
+
+    @property
+    def last_steps(self) -> int | None:
+        """Env steps of the newest evaluation."""
+        return int(self._rows[-1]["steps"]) if self._rows else None
 
     def is_best(self, result: EvaluationResult) -> bool:
-        """Return whether fewer fall or stall than ever before, or as few with a higher return."""
+        """Return whether fewer fail (fall, stall or diverge) than ever before, or as few with a higher return."""
         earlier = [(float(row["failure_rate"]), -float(row["mean_return"])) for row in self._rows]
         return (result.failure_rate, -result.mean_return) < min(earlier, default=(np.inf, np.inf))
 
@@ -188,6 +204,7 @@ class EvaluationLog:
             "seconds": round(seconds, 1),
             "episodes": result.episodes,
             "falls": result.falls,
+            "diverged": result.diverged,
             "stalls": result.stalls,
             "failure_rate": result.failure_rate,
             "fall_rate": result.fall_rate,

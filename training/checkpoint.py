@@ -1,11 +1,14 @@
 """Checkpoints: a folder per checkpoint that is complete or absent, and that nothing in it can make run code.
 
+`progress.json` names the other files with their hashes, so that a damaged checkpoint is known as such.
 The model is an ordinary Stable-Baselines3 zip; on resuming, its weights and optimiser state alone are read, which are
 plain tensors, never its pickled attributes. The folder is a loadable policy as well.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
 import json
 import shutil
 from dataclasses import asdict, dataclass
@@ -17,6 +20,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecNormalize
 
+from prosthesis_gym.files import atomic_folder, read_json
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.sb3 import ObservationMoments, ProsthesisVecEnv
 
@@ -37,24 +41,56 @@ class Progress:
 
 
 def save_checkpoint(folder: Path, model: PPO, normaliser: VecNormalize, policy: Policy, progress: Progress) -> Path:
-    """Write `folder`/<steps> under a temporary name and renames it."""
+    """Write `folder`/<steps>, complete or not at all, and return it.
+
+    Raises:
+        OSError: the disk is full, or else cannot be written to; names the checkpoint.
+
+    """
     target = folder / f"{progress.steps:012d}"
-    temporary = folder / f".{target.name}.partial"
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir(parents=True)
-    model.save(temporary / _MODEL_FILE)
-    policy.save(temporary)
+    if target.exists():
+        # A run that was resumed here and stopped at once has nothing new to say; one that was resumed further back,
+        # because this one is damaged, has.
+        if _damage(target) is None:
+            return target
+        shutil.rmtree(target)
     moments = walkers(normaliser).observation_moments._asdict()
-    state = {
-        **asdict(progress),
-        "observation_statistics": {name: np.asarray(value).tolist() for name, value in moments.items()},
-        "return_statistics": _to_json(normaliser.ret_rms),
-    }
-    (temporary / _PROGRESS_FILE).write_text(json.dumps(state), encoding="utf-8")
-    # Only a checkpoint at the very same step can be in the way: a run that was resumed and stopped at once.
-    shutil.rmtree(target, ignore_errors=True)
-    temporary.rename(target)
+    with atomic_folder(target) as temporary:
+        # By way of memory, because torch tells no disk that is full from other mishaps.
+        model.save(buffer := io.BytesIO())
+        (temporary / _MODEL_FILE).write_bytes(buffer.getbuffer())
+        policy.save(temporary)
+        state = {
+            **asdict(progress),
+            "observation_statistics": {name: np.asarray(value).tolist() for name, value in moments.items()},
+            "return_statistics": _to_json(normaliser.ret_rms),
+            "sha256": {path.name: _sha256(path) for path in temporary.iterdir()},
+        }
+        (temporary / _PROGRESS_FILE).write_text(json.dumps(state), encoding="utf-8")
     return target
+
+
+def whole_checkpoints(folder: Path) -> tuple[list[Path], list[tuple[Path, str]]]:
+    """Return the whole checkpoints by their steps, and the damaged ones with what is wrong with them."""
+    found = sorted(path for path in folder.glob("[0-9]*") if path.is_dir())
+    damage = {path: _damage(path) for path in found}
+    return [path for path in found if damage[path] is None], [(path, why) for path, why in damage.items() if why]
+
+
+def _damage(checkpoint: Path) -> str | None:
+    """Return what is wrong with a checkpoint, None if it is as it was written."""
+    try:
+        expected = read_json(checkpoint / _PROGRESS_FILE)["sha256"]
+        wrong = [name for name, sha256 in expected.items() if _sha256(checkpoint / name) != sha256]
+    except KeyError:
+        return f"{_PROGRESS_FILE} has no hashes"
+    except (OSError, ValueError, AttributeError) as error:
+        return str(error)
+    return f"{wrong[0]} is not what was written" if wrong else None
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def walkers(normaliser: VecNormalize) -> ProsthesisVecEnv:
@@ -65,17 +101,18 @@ def walkers(normaliser: VecNormalize) -> ProsthesisVecEnv:
 
 
 def latest_checkpoint(folder: Path) -> Path:
-    """Return the checkpoint of most steps."""
-    found = sorted(path for path in folder.glob("[0-9]*") if path.is_dir())
-    if not found:
+    """Return the whole checkpoint of most steps."""
+    whole, _ = whole_checkpoints(folder)
+    if not whole:
         raise ValueError(f"nothing to resume: no checkpoint in {folder}")
-    return found[-1]
+    return whole[-1]
 
 
 def load_checkpoint(checkpoint: Path, model: PPO, normaliser: VecNormalize) -> Progress:
     """Put a checkpoint's weights, optimiser state and statistics in place and return its progress."""
     try:
-        state = json.loads((checkpoint / _PROGRESS_FILE).read_text(encoding="utf-8"))
+        state = read_json(checkpoint / _PROGRESS_FILE)
+        del state["sha256"]
         model.set_parameters(str(checkpoint / _MODEL_FILE), exact_match=True, device="cpu")
         moments = state.pop("observation_statistics")
         mean, variance = (np.asarray(moments[name], dtype=np.float64) for name in ("mean", "variance"))

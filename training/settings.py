@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -12,6 +11,8 @@ from typing import Any, Self
 
 from prosthesis_gym.config import Config, apply_settings, merge, resolve
 from prosthesis_gym.evaluation import HELD_OUT_SEED
+from prosthesis_gym.files import read_toml
+from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
 
@@ -58,7 +59,7 @@ def _with_presets(env: Mapping[str, Any]) -> Config:
             if not isinstance(preset, str):
                 raise ValueError(f"{key}.preset = {preset!r} must be a name or a path")
             base = merge(base, load(preset))
-    return merge(base, sections)
+    return laid_over([Layer(base, given=False), Layer(sections)])
 
 
 def _section(name: str, table: object) -> Mapping[str, Any]:
@@ -160,11 +161,9 @@ class Settings:
     def load(cls, path: str | Path, changes: Iterable[str] = ()) -> Settings:
         """Read a TOML file and apply `key=value` changes to it."""
         try:
-            table = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+            table = read_toml(path)
         except OSError as error:
             raise ValueError(f"cannot read {path}: {error.strerror}") from None
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise ValueError(f"{path}: {error}") from None
         return cls.read(apply_settings(_spelt_out(table), changes))
 
     @classmethod
@@ -191,6 +190,11 @@ class Settings:
             )
         policy = PolicySettings.read("policy", table.get("policy", {}))
         training = TrainingSettings.read("training", table.get("training", {}))
+        if "start_difficulty" in table.get("training", {}) and training.curriculum_steps == 0:
+            raise ValueError(
+                f"training.start_difficulty = {training.start_difficulty} has no effect: it needs "
+                "training.curriculum_steps other than 0"
+            )
         return cls(num_envs, env, ppo, policy, training, table)
 
     def to_toml(self) -> str:

@@ -4,8 +4,10 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from importlib.metadata import version
 
 from prosthesis_gym.cli import accuracy, bench, bodies, parameters, render, scenarios, torture, walk
+from prosthesis_gym.console import spell_what_cannot_be_encoded
 
 _EXAMPLES = """\
 examples:
@@ -28,6 +30,7 @@ def new_parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version('prosthesis-gym')}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for command in (walk, render, scenarios, bodies, accuracy, bench, torture, parameters):
         command.add_parser(commands)
@@ -36,6 +39,7 @@ def new_parser() -> argparse.ArgumentParser:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command. Exit code 0 for success, 1 for what a check found wrong, 2 for bad input, 130 for Ctrl-C."""
+    spell_what_cannot_be_encoded()
     arguments = new_parser().parse_args(argv)
     try:
         arguments.run(arguments)

@@ -8,11 +8,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from prosthesis_gym.bodies import HEIGHT_M
+from prosthesis_gym.bodies import HEIGHT_M, scaled_body
 from prosthesis_gym.body_walks import BodyResult, save_bodies, walk_bodies
 from prosthesis_gym.cli.parsers import Commands, new_parser
 from prosthesis_gym.cli.trial_options import DEFAULTS, SOLVERS
-from prosthesis_gym.config import apply_settings, merge
+from prosthesis_gym.config import apply_settings, merge, resolve
+from prosthesis_gym.layers import Layer, laid_over
 
 _EXAMPLES = """\
 examples:
@@ -51,9 +52,17 @@ def run(arguments: argparse.Namespace) -> None:
         if out.exists() and not arguments.force:
             raise ValueError(f"{out} exists; --force overwrites it")
     scenario = {"speed_m_s": arguments.speed, "duration_s": arguments.duration}
-    config = apply_settings(
-        merge(merge(DEFAULTS, SOLVERS[arguments.solver]), {"scenario": scenario}), arguments.settings
-    )
+    scaled = scaled_body()
+    for setting in arguments.settings:
+        section, _, key = setting.partition("=")[0].strip().partition(".")
+        if key in scaled.get(section, {}):
+            raise ValueError(f"--set {setting}: each body has its own, by its mass and height")
+    layers = [
+        Layer(merge(DEFAULTS, SOLVERS[arguments.solver]), given=False),
+        Layer({"scenario": scenario}),
+        Layer(apply_settings({}, arguments.settings)),
+    ]
+    config = resolve(laid_over(layers))
     count = len(arguments.mass) * len(arguments.height)
     walks = walk_bodies(arguments.mass, arguments.height, config)
     results = list(track(walks, "walking", count, console=Console(stderr=True), transient=True))

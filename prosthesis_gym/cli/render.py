@@ -6,6 +6,8 @@ from pathlib import Path
 
 from prosthesis_gym.cli.parsers import Commands, check_overwrite, new_parser
 from prosthesis_gym.cli.trial_options import add_controller_argument, add_trial_options, configure
+from prosthesis_gym.draws import drawn_line, left_to_chance
+from prosthesis_gym.progress import waiting
 from prosthesis_gym.rendering.clip import check_clip_path, check_frame_rate, save_clip, save_picture
 from prosthesis_gym.rendering.renderer import check_size
 from prosthesis_gym.trial import run_trial
@@ -34,8 +36,8 @@ def add_parser(commands: Commands) -> None:
         required=True,
         help="a clip as .mp4 or .gif; as .png a strip of the last full stride, or the picture of --at",
     )
-    add("--fps", type=float, default=50.0, metavar="N", help="frames per second of a clip (default: 50)")
-    add("--slow-motion", type=float, default=1.0, metavar="FACTOR", help="how many times slower (default: 1)")
+    add("--fps", type=float, metavar="N", help="frames per second of a clip (default: 50)")
+    add("--slow-motion", type=float, metavar="FACTOR", help="how many times slower (default: 1)")
     add("--window", nargs=2, type=float, metavar=("START", "END"), help="part of the trial that a clip shows, s")
     add("--at", type=float, metavar="S", help="time of a single picture")
     add("--size", type=_size, metavar="WxH", help="pixels (default: 1280x720; each picture of a strip: 360x640)")
@@ -55,9 +57,15 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.out
     check_clip_path(out)
     check_overwrite(out, arguments.force)
-    check_frame_rate(arguments.fps, arguments.slow_motion)
+    fps, slow_motion = (
+        given if given is not None else usual for given, usual in ((arguments.fps, 50.0), (arguments.slow_motion, 1.0))
+    )
+    check_frame_rate(fps, slow_motion)
     if arguments.size is not None:
         check_size(arguments.size)
+    for option, given in (("--fps", arguments.fps), ("--slow-motion", arguments.slow_motion)):
+        if out.suffix == ".png" and given is not None:
+            raise ValueError(f"{option} {given:g}: {out} is no clip")
     if out.suffix == ".png" and arguments.window is not None:
         raise ValueError(f"--window {arguments.window[0]:g} {arguments.window[1]:g}: {out} is no clip; see --at")
     if out.suffix != ".png" and arguments.at is not None:
@@ -65,17 +73,20 @@ def run(arguments: argparse.Namespace) -> None:
     config, policy = configure(arguments)
     trial = run_trial(config, policy=policy, seed=arguments.seed)
     if out.suffix == ".png":
-        save_picture(trial, out, at_s=arguments.at, size=arguments.size)
+        with waiting(f"drawing {out}"):
+            save_picture(trial, out, at_s=arguments.at, size=arguments.size)
         shown = "a picture" if arguments.at is not None else "a strip"
     else:
         frames = save_clip(
             trial,
             out,
-            fps=arguments.fps,
-            slow_motion=arguments.slow_motion,
+            fps=fps,
+            slow_motion=slow_motion,
             window=arguments.window,
             size=arguments.size or (1280, 720),
         )
         shown = f"{frames} frames"
+    if drawn := left_to_chance(trial):
+        print(drawn_line(trial.seed, drawn))
     print(f"{trial.outcome} after {trial.end_s:.2f} s")
     print(f"wrote {out}: {shown}")

@@ -28,12 +28,14 @@ def add_parser(commands: Commands) -> None:
     add = parser.add_argument
     add("scenario", nargs="*", metavar="NAME|FILE", help="presets or files (default: all presets)")
     add("--episodes", type=int, metavar="N", help="count the falls of the state machine in N episodes of each")
-    add("--device", nargs="+", choices=list(DEVICES), default=list(DEVICES), help="knee units (default: all)")
+    add("--device", nargs="+", choices=list(DEVICES), help="knee units whose falls to count (default: all)")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """List or evaluate, then print."""
+    if arguments.episodes is None and arguments.device is not None:
+        raise ValueError(f"--device {' '.join(arguments.device)} needs --episodes: without, nobody walks")
     names = arguments.scenario or list(SCENARIOS)
     for name in names:
         load_scenario(name)
@@ -44,10 +46,11 @@ def run(arguments: argparse.Namespace) -> None:
         for name in names:
             table.add_row(name, scenario_description(name) if name in SCENARIOS else "")
     else:
-        for device in arguments.device:
+        devices = arguments.device or list(DEVICES)
+        for device in devices:
             table.add_column(device, justify="right")
         for name in track(names, "walking", console=Console(stderr=True), transient=True):
-            table.add_row(name, *(_falls(name, device, arguments.episodes) for device in arguments.device))
+            table.add_row(name, *(_falls(name, device, arguments.episodes) for device in devices))
     Console().print(table)
 
 

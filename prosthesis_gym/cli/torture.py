@@ -6,11 +6,11 @@ from collections import Counter
 
 from rich import box
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from prosthesis_gym import _core
 from prosthesis_gym.cli.parsers import Commands, new_parser
+from prosthesis_gym.progress import progress_bar
 from prosthesis_gym.torture import Report, torture
 
 _EXAMPLES = """\
@@ -38,15 +38,13 @@ def add_parser(commands: Commands) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Torture, print, and fail if anything was wrong."""
     began = time.perf_counter()
-    columns = (TextColumn("env steps"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=arguments.steps)
+    with progress_bar("torturing", arguments.steps, "env steps") as show:
         report = torture(
             arguments.steps,
             walkers=arguments.walkers,
             seed=arguments.seed,
             threads=arguments.threads,
-            progress=lambda steps: bar.update(task, completed=steps),
+            progress=show,
         )
     console = Console()
     console.print(_table(report))

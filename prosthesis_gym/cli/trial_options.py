@@ -1,12 +1,15 @@
 """The options that describe one trial, shared by the commands that run one."""
 
 import argparse
+import functools
 from pathlib import Path
 from typing import Any
 
 from prosthesis_gym.bodies import scaled_body
-from prosthesis_gym.config import FAST_SOLVER, REFERENCE_SOLVER, apply_settings, load_config, merge, resolve
+from prosthesis_gym.config import FAST_SOLVER, REFERENCE_SOLVER, Config, apply_settings, load_config, merge, resolve
+from prosthesis_gym.controller import CONTROLLERS_OWN
 from prosthesis_gym.devices import DEVICES
+from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.scenarios import SCENARIOS, load_scenario
 
@@ -25,6 +28,10 @@ DEFAULTS: dict[str, Any] = {
 _WITHOUT_SCENARIO = {section: table for section, table in DEFAULTS.items() if section != "scenario"}
 #: Configurations of `--solver`.
 SOLVERS = {"fast": FAST_SOLVER, "reference": REFERENCE_SOLVER}
+_NO_REWARD = {"reward": "a trial has no reward"}
+#: Sections of `--set` that do nothing with a policy, and without one, and why.
+_BROUGHT_ALONG = dict.fromkeys(CONTROLLERS_OWN, "the policy {controller} brings this section with it") | _NO_REWARD
+_UNUSED = {"observation": "without a policy nobody observes"} | _NO_REWARD
 _CONTROLLERS = (
     "state-machine (default), constant:VALUE "
     f"({', '.join(device.command for device in DEVICES.values())}) or a policy's folder"
@@ -59,32 +66,59 @@ def add_controller_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("controller", nargs="?", metavar="CONTROLLER", help=_CONTROLLERS)
 
 
-def configure(arguments: argparse.Namespace) -> tuple[dict[str, Any], Policy | None]:
-    """Return the configuration that the options describe, and the policy if the controller is one."""
+def configure(arguments: argparse.Namespace) -> tuple[Config, Policy | None]:
+    """Return the complete configuration that the options describe, and the policy if the controller is one.
+
+    Raises:
+        ValueError: options that contradict each other, an impossible value, or a setting that has no effect.
+
+    """
+    _refuse_contradictions(arguments)
+    settings = apply_settings({}, arguments.settings)
+    layers = [
+        Layer(DEFAULTS if arguments.scenario is None else _WITHOUT_SCENARIO, given=False),
+        Layer(load_config(arguments.config)),
+        Layer({} if arguments.device is None else {"device": {"kind": arguments.device}}),
+        Layer(_body(arguments), given=False),
+        Layer({} if arguments.scenario is None else load_scenario(arguments.scenario), given=False),
+        Layer({"scenario": _scenario(arguments)}),
+        Layer({} if arguments.solver is None else SOLVERS[arguments.solver]),
+    ]
+    unchecked = functools.reduce(merge, [layer.config for layer in (*layers, Layer(settings))], Config())
+    device = resolve(unchecked)["device"]["kind"]
+    action, policy = _controller(arguments.controller, device)
+    useless = _UNUSED if policy is None else _BROUGHT_ALONG
+    for setting in arguments.settings:
+        if (section := setting.partition(".")[0].strip()) in useless:
+            raise ValueError(f"--set {setting}: {useless[section].format(controller=arguments.controller)}")
+    layers += [Layer(action, given=False), Layer(settings)]
+    if policy is not None:
+        return resolve(policy.configure(laid_over(layers, policy.configure, CONTROLLERS_OWN))), policy
+    config = resolve(laid_over(layers))
+    mode = config["action"]["mode"]
+    if mode not in ("state_machine", "constant"):
+        raise ValueError(f"action.mode = {mode!r} needs a policy: name its folder as the controller")
+    return config, None
+
+
+def _refuse_contradictions(arguments: argparse.Namespace) -> None:
     if arguments.seed < 0:
         raise ValueError(f"--seed = {arguments.seed} must be 0 or more")
-    if arguments.speed is not None and arguments.scenario is not None:
+    settings = apply_settings({}, arguments.settings)
+    scenario = None if arguments.scenario is None else load_scenario(arguments.scenario)
+    if arguments.speed is not None and scenario is not None:
         given = f"--speed {arguments.speed} and --scenario {arguments.scenario}"
         raise ValueError(f"{given}: a scenario has its own speeds")
-    config = DEFAULTS if arguments.scenario is None else _WITHOUT_SCENARIO
-    if arguments.config:
-        config = merge(config, load_config(arguments.config))
-    if arguments.device is not None:
-        config = merge(config, {"device": {"kind": arguments.device}})
-    if arguments.mass is not None or arguments.height is not None:
-        config = merge(config, scaled_body(arguments.mass, arguments.height))
-    if arguments.scenario is not None:
-        config = merge(config, load_scenario(arguments.scenario))
-    config = merge(config, {"scenario": _scenario(arguments)})
-    if arguments.solver is not None:
-        config = merge(config, SOLVERS[arguments.solver])
-    device = resolve(apply_settings(config, arguments.settings))["device"]["kind"]
-    action, policy = _controller(arguments.controller, device)
-    if policy is not None:
-        for setting in arguments.settings:
-            if setting.startswith(("action.", "observation.")):
-                raise ValueError(f"--set {setting}: the policy {arguments.controller} brings these sections with it")
-    return apply_settings(merge(config, action), arguments.settings), policy
+    if scenario is not None and "variants" in scenario.get("scenario", {}) and _body(arguments):
+        raise ValueError(f"--mass and --height with --scenario {arguments.scenario}: the scenario draws a body")
+    if arguments.controller is not None and "mode" in settings.get("action", {}):
+        raise ValueError(f"--set action.mode=... contradicts the controller {arguments.controller}")
+
+
+def _body(arguments: argparse.Namespace) -> Config:
+    if arguments.mass is None and arguments.height is None:
+        return {}
+    return scaled_body(arguments.mass, arguments.height)
 
 
 def _scenario(arguments: argparse.Namespace) -> dict[str, Any]:

@@ -10,8 +10,10 @@ from rich.table import Table
 from prosthesis_gym.cli.parsers import Commands, check_overwrite, new_parser
 from prosthesis_gym.cli.trial_options import add_controller_option, add_trial_options, configure
 from prosthesis_gym.config import resolve
+from prosthesis_gym.draws import drawn_line, left_to_chance
 from prosthesis_gym.gait import Stride, mean_powers, stride_json, stride_table
 from prosthesis_gym.plotting import check_plot_path, plot_trial
+from prosthesis_gym.progress import waiting
 from prosthesis_gym.trial import Trial, check_trial_path, run_trial, save_trial
 
 _EXAMPLES = """\
@@ -75,9 +77,11 @@ def run(arguments: argparse.Namespace) -> None:
     trial = run_trial(config, policy=policy, seed=arguments.seed)
     powers = None if arguments.window is None else mean_powers(trial, *arguments.window)
     if arguments.out:
-        save_trial(trial, arguments.out)
+        with waiting(f"writing {arguments.out}"):
+            save_trial(trial, arguments.out)
     if arguments.plot:
-        plot_trial(trial, arguments.plot)
+        with waiting(f"drawing {arguments.plot}"):
+            plot_trial(trial, arguments.plot)
     if arguments.json:
         print(stride_json(trial, powers))
     else:
@@ -98,6 +102,8 @@ def _print(trial: Trial, written: list[Path]) -> None:
     strides = stride_table(trial)
     if strides:
         Console().print(_table(strides))
+    if drawn := left_to_chance(trial):
+        print(drawn_line(trial.seed, drawn))
     print(f"{trial.outcome} after {trial.end_s:.2f} s, {len(strides)} full strides")
     for path in written:
         print(f"wrote {path}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from contextlib import closing
 from functools import partial
@@ -93,20 +94,24 @@ def save_clip(
     times = np.arange(begin, end + 1e-9, 1.0 / (fps * slow_motion))
     samples = np.round(times / CONTROL_PERIOD_S).astype(int)
     codec, parameters = _CODECS[path.suffix]
-    with (
-        atomic_write(path) as temporary,
-        progress_bar("rendering", len(samples), "frames", shown=progress) as show,
-        closing(
-            optional("imageio_ffmpeg", "render").write_frames(
-                str(temporary), (width, height), fps=fps, codec=codec, output_params=parameters,
-                pix_fmt_out="yuv420p" if codec == "libx264" else "pal8", quality=None, macro_block_size=2,
-            )
-        ) as writer,
-    ):  # fmt: skip
-        writer.send(None)
-        for done, frame in enumerate(_frames(trial, samples, (width, height)), start=1):
-            writer.send(frame)
-            show(done)
+    ffmpeg = optional("imageio_ffmpeg", "render")
+    with atomic_write(path) as temporary:
+        with (
+            progress_bar("rendering", len(samples), "frames", shown=progress) as show,
+            closing(
+                ffmpeg.write_frames(
+                    str(temporary), (width, height), fps=fps, codec=codec, output_params=parameters,
+                    pix_fmt_out="yuv420p" if codec == "libx264" else "pal8", quality=None, macro_block_size=2,
+                )
+            ) as writer,
+        ):  # fmt: skip
+            writer.send(None)
+            for done, frame in enumerate(_frames(trial, samples, (width, height)), start=1):
+                writer.send(frame)
+                show(done)
+        # ffmpeg's last words come after its last frame, and nobody hears them: on a full disk the clip is cut off.
+        if (written := _frames_of(temporary)) != len(samples):
+            raise OSError(f"ffmpeg wrote {written} of {len(samples)} frames; is the disk full?")
     return len(samples)
 
 
@@ -138,8 +143,19 @@ def save_picture(
             raise ValueError(f"at = {at_s:g} s must lie in the trial's [0, {trial.end_s:g}] s")
         (picture,) = _frames(trial, [round(at_s / CONTROL_PERIOD_S)], check_size(size or (1280, 720)))
     pygame = import_pygame()
+    # By way of memory, because pygame tells no disk that is full from other mishaps.
+    content = io.BytesIO()
+    pygame.image.save(pygame.image.frombuffer(picture.tobytes(), picture.shape[1::-1], "RGB"), content, path.name)
     with atomic_write(path) as temporary:
-        pygame.image.save(pygame.image.frombuffer(picture.tobytes(), picture.shape[1::-1], "RGB"), str(temporary))
+        temporary.write_bytes(content.getbuffer())
+
+
+def _frames_of(path: Path) -> int:
+    try:
+        frames: int = optional("imageio_ffmpeg", "render").count_frames_and_secs(str(path))[0]
+    except RuntimeError:
+        return 0  # not even a clip
+    return frames
 
 
 def check_window(trial: Trial, window: tuple[float, float] | None) -> tuple[float, float]:
