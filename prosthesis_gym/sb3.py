@@ -12,9 +12,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
+from prosthesis_gym.arguments import check_whole
 from prosthesis_gym.extras import missing
 from prosthesis_gym.reward_terms import RewardTerm
-from prosthesis_gym.seeding import check_seed, check_whole
+from prosthesis_gym.seeding import check_seed
 from prosthesis_gym.vector_env import ProsthesisVectorEnv, check_actions
 
 try:

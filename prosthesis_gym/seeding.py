@@ -1,7 +1,6 @@
 """Seeds: which ones there are, and how runs get some of their own."""
 
-import operator
-from typing import Any, Final, SupportsIndex
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -9,17 +8,9 @@ from gymnasium.utils.seeding import np_random
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
+from prosthesis_gym.arguments import check_whole
+
 _WORDS: Final = 2**64
-
-
-def check_whole(number: object, name: str) -> int:
-    """Return a number as an int, or raise a ValueError: True, 1.0 and arrays of several numbers are no integers."""
-    if isinstance(number, SupportsIndex) and not isinstance(number, bool | np.bool_):
-        try:
-            return operator.index(number)
-        except TypeError:  # arrays have the method, but not all of them an integer
-            pass
-    raise ValueError(f"{name} = {number!r} must be an integer")
 
 
 def check_seed(seed: object, name: str = "seed") -> int:

@@ -5,7 +5,7 @@ import copy
 from gymnasium.envs.registration import EnvSpec
 
 from prosthesis_gym import _core
-from prosthesis_gym.seeding import check_whole
+from prosthesis_gym.arguments import check_whole
 
 #: `max_episode_steps` for episodes without a limit.
 UNLIMITED = -1

@@ -10,14 +10,13 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.arguments import whole_number
+from prosthesis_gym.arguments import check_whole, whole_number
 from prosthesis_gym.config import Config, merge, read_config, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
-from prosthesis_gym.seeding import check_whole
 from prosthesis_gym.state import seal, unseal
 from prosthesis_gym.time_limit import set_limit
 
