@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Final
 from prosthesis_gym import _core
 from prosthesis_gym.config import resolve
 from prosthesis_gym.devices import DEVICES
+from prosthesis_gym.reasons import TerminationReason
 
 if TYPE_CHECKING:
     from prosthesis_gym._core import ParameterDoc
 
-#: What ends an episode, by the name that `termination_reason` gives it.
+#: What ends an episode, by the name of its `TerminationReason`, in small letters.
 _REASONS: Final = {
     "hip_height": ("terminated", "A fall: the hip is less than `termination.hip_height_m` above the ground."),
     "joint_limit": ("terminated", "Knee or ankle beyond `termination.knee_*_deg` or `termination.ankle_deg`."),
@@ -22,7 +23,7 @@ _REASONS: Final = {
         "terminated",
         "The integration diverged: the state is not finite, or segments or the extension stop do what none can.",
     ),
-    "time_limit": ("truncated", "`scenario.duration_s` is over."),
+    "time_limit": ("truncated", "The time limit is reached."),
 }
 
 
@@ -116,10 +117,14 @@ def reward() -> str:
 
 
 def reasons() -> str:
-    """List the reasons for the end of an episode in the order of `REASONS`."""
+    """List the reasons for the end of an episode by their numbers."""
     return markdown(
         ("`termination_reason`", "ends as", "when"),
-        [(_code(reason), *_REASONS[reason]) for reason in _core.REASONS if reason != "none"],
+        [
+            (f"{_code(reason.name)} ({reason})", *_REASONS[reason.name.lower()])
+            for reason in TerminationReason
+            if reason != TerminationReason.NONE
+        ],
     )
 
 

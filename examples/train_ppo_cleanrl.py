@@ -22,6 +22,7 @@ from torch.distributions import Normal
 
 from prosthesis_gym.console import clean_exit, spell_what_cannot_be_encoded
 from prosthesis_gym.devices import DEVICES
+from prosthesis_gym.seeding import run_seed
 
 CONFIG = {
     "action": {"mode": "residual", "hold": 4, "residual_nms2_rad2": 20.0},
@@ -103,7 +104,7 @@ def train(env_id: str, total_steps: int, walkers: int, report_every: int, seed: 
     observations, actions = torch.zeros(ROLLOUT_STEPS + 1, walkers, size), torch.zeros(*shape, 1)
     log_probabilities, rewards = torch.zeros(shape), torch.zeros(shape)
     terminated, done = torch.zeros(shape, dtype=torch.bool), torch.zeros(shape, dtype=torch.bool)
-    observations[-1] = torch.from_numpy(envs.reset(seed=seed)[0]).clamp(-10.0, 10.0)
+    observations[-1] = torch.from_numpy(envs.reset(seed=run_seed(seed))[0]).clamp(-10.0, 10.0)
     episodes = falls = 0
     began = time.perf_counter()
     with Progress() as bar:

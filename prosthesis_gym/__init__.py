@@ -14,13 +14,22 @@ from gymnasium.envs.registration import register
 from prosthesis_gym._core import InternalError
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.env import ProsthesisEnv
+from prosthesis_gym.reasons import TerminationReason
 from prosthesis_gym.reward_terms import RewardTerm
 from prosthesis_gym.rewards import REWARDS
 from prosthesis_gym.scenarios import SCENARIOS
 from prosthesis_gym.vector_env import ProsthesisVectorEnv
 
 __version__ = version("prosthesis-gym")
-__all__ = ["REWARDS", "SCENARIOS", "InternalError", "ProsthesisEnv", "ProsthesisVectorEnv", "RewardTerm"]
+__all__ = [
+    "REWARDS",
+    "SCENARIOS",
+    "InternalError",
+    "ProsthesisEnv",
+    "ProsthesisVectorEnv",
+    "RewardTerm",
+    "TerminationReason",
+]
 
 for _kind, _device in DEVICES.items():
     register(

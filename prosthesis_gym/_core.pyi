@@ -94,10 +94,6 @@ class Step:
         """(N,), index into `REASONS`."""
 
     @property
-    def termination_reasons(self) -> NDArray[np.object_]:
-        """(N,), the same as str; None where no episode has ended."""
-
-    @property
     def started(self) -> NDArray[np.bool_]:
         """(N,): reset in this step."""
 
@@ -162,6 +158,12 @@ class Batch:
     def reset(
         self, seeds: NDArray[np.uint64] | None = None, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]: ...
+    def observations(self, new: NDArray[np.bool_] | None = None) -> NDArray[np.float32]:
+        """Return the newest observations (N, D); statistics learn from those in the mask `new`, by default none."""
+
+    def raw_observations(self) -> NDArray[np.float32]:
+        """Return the newest observations (N, D) as they are, normalised or not."""
+
     def step(self, actions: NDArray[np.float64]) -> Step:
         """Take flat actions (N * action size,): those beyond [-1, 1] are limited, infinite ones too.
 
@@ -181,6 +183,12 @@ class Batch:
     def set_moments(
         self, count: float, mean: NDArray[np.float64], variance: NDArray[np.float64], learns: bool
     ) -> None: ...
+    @property
+    def learns(self) -> bool:
+        """Whether observations change the moments."""
+
+    @learns.setter
+    def learns(self, learns: bool) -> None: ...
     def episodes(self) -> dict[str, NDArray[Any]]: ...
     @property
     def difficulty(self) -> float:
@@ -188,6 +196,12 @@ class Batch:
 
     @difficulty.setter
     def difficulty(self, difficulty: float) -> None: ...
+    @property
+    def max_episode_steps(self) -> int | None:
+        """Env steps of an episode at most, by default those of `scenario.duration_s`; None without a limit."""
+
+    @max_episode_steps.setter
+    def max_episode_steps(self, steps: int | None) -> None: ...
     def get_state(self, indices: list[int]) -> builtins.bytes: ...
     def set_state(self, state: builtins.bytes, indices: list[int]) -> list[bool]:
         """Return which of them had ended and start anew, as with autoreset "same_step" they do."""

@@ -1,9 +1,21 @@
 """What arguments of public functions must be; whatever is wrong with one, the error is a ValueError that names it."""
 
+import operator
 import os
 from pathlib import Path
+from typing import SupportsIndex
 
 import numpy as np
+
+
+def check_whole(number: object, name: str) -> int:
+    """Return a number as an int, or raise a ValueError: True, 1.0 and arrays of several numbers are no integers."""
+    if isinstance(number, SupportsIndex) and not isinstance(number, bool | np.bool_):
+        try:
+            return operator.index(number)
+        except TypeError:  # arrays have the method, but not all of them an integer
+            pass
+    raise ValueError(f"{name} = {number!r} must be an integer")
 
 
 def whole_number(name: str, value: object, low: int, high: int, shown_high: str | None = None) -> int:

@@ -4,10 +4,13 @@ A term may need channels that the agent must not see. Their groups are added to 
 others, and cut off before observations are handed out.
 """
 
+import copy
+import pickle
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import cloudpickle
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,12 +25,14 @@ class RewardTerm:
 
     >>> RewardTerm("upright", -0.1, lambda channels: channels["true_trunk_angle_rad"] ** 2, groups=("privileged",))
 
+    Pickled with whatever its function needs (by cloudpickle); copies share plain functions.
+
     Raises:
-        ValueError: no name, one that infos need for its mask, or a weight that is not finite.
+        ValueError: no name, one that begins with an underscore, or a weight that is not finite.
 
     """
 
-    #: Key of its unweighted values in `info["reward_terms"]`.
+    #: Infos have its unweighted values as `reward_<name>`.
     name: str
     #: The reward gains weight * value in every env step.
     weight: float
@@ -49,6 +54,27 @@ class RewardTerm:
         if not isinstance(self.weight, int | float | np.number) or not np.isfinite(self.weight):
             raise ValueError(f"weight = {self.weight} of reward term {self.name!r} must be finite")
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the function by value where its name alone would not do: a lambda, or one of `__main__`."""
+        try:
+            function = cloudpickle.dumps(self.function)
+        except Exception as error:  # whatever the objects it refers to may raise
+            raise pickle.PicklingError(f"{self._uncopied}: {error}") from error
+        return _unpickled, (self.name, self.weight, function, self.groups)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "RewardTerm":
+        try:
+            return replace(self, function=copy.deepcopy(self.function, memo))
+        except Exception as error:  # the same
+            raise TypeError(f"{self._uncopied}: {error}") from error
+
+    @property
+    def _uncopied(self) -> str:
+        return (
+            f"the function of reward term {self.name!r} cannot be copied (get_state and set_state carry walkers "
+            f"to another environment with the same term)"
+        )
+
     def values(self, channels: Mapping[str, NDArray[np.float64]], counted: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Return the term (N,) where `counted` is True, 0 elsewhere."""
         remedy = f"add groups=[{{group!r}}] to RewardTerm({self.name!r}, ...)"
@@ -66,6 +92,10 @@ class RewardTerm:
         return values
 
 
+def _unpickled(name: str, weight: float, function: bytes, groups: Sequence[str]) -> RewardTerm:
+    return RewardTerm(name, weight, cloudpickle.loads(function), groups)
+
+
 @dataclass(frozen=True)
 class Step:
     """A step of the core with the terms of `RewardTerms` and without their hidden channels; as `_core.Step`."""
@@ -76,7 +106,6 @@ class Step:
     truncated: NDArray[np.bool_]
     terms: NDArray[np.float64]
     reasons: NDArray[np.uint8]
-    termination_reasons: NDArray[np.object_]
     started: NDArray[np.bool_]
     eventful: bool
     final_observations: NDArray[np.float32] | None
@@ -110,6 +139,8 @@ class RewardTerms:
         self.terms = tuple(terms)
         #: Names of all terms, in the order of their columns.
         self.names = tuple(names)
+        #: The keys of infos that they stand under.
+        self.keys = tuple(f"reward_{name}" for name in names)
         groups = config["observation"]["groups"]
         needed = dict.fromkeys(group for term in terms for group in term.groups)
         hidden = [group for group in needed if group not in groups]
@@ -159,7 +190,6 @@ class RewardTerms:
             truncated=step.truncated,
             terms=np.hstack([step.terms, values]),
             reasons=step.reasons,
-            termination_reasons=step.termination_reasons,
             started=started,
             eventful=step.eventful,
             final_observations=None if finals is None else self.visible(finals),

@@ -3,90 +3,55 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from prosthesis_gym import _core
-from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.arguments import check_whole
 from prosthesis_gym.extras import missing
 from prosthesis_gym.reward_terms import RewardTerm
-from prosthesis_gym.vector_env import ProsthesisVectorEnv
+from prosthesis_gym.seeding import check_seed
+from prosthesis_gym.vector_env import ProsthesisVectorEnv, check_actions
 
 try:
     from stable_baselines3.common.monitor import Monitor
-    from stable_baselines3.common.running_mean_std import RunningMeanStd
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices
+
+    from prosthesis_gym.sb3_normalisation import OBSERVATION_EPSILON, ObservationMoments, ProsthesisVecNormalize
 except ModuleNotFoundError as error:
     raise missing(error.name or "stable_baselines3", "train") from error
 
-OBSERVATION_EPSILON = 1e-8
-"""Added to the variance that normalised observations are divided by the root of."""
+__all__ = ["OBSERVATION_EPSILON", "ObservationMoments", "ProsthesisVecEnv", "ProsthesisVecNormalize"]
 
-
-class ObservationMoments(NamedTuple):
-    """Statistics of D-dimensional observations."""
-
-    #: How many observations.
-    number: float
-    #: (D,) float64.
-    mean: NDArray[np.float64]
-    #: (D,) float64.
-    variance: NDArray[np.float64]
-
-
-class _Normaliser:
-    """What the core's normaliser does, after reward terms have seen the observations as they are."""
-
-    def __init__(self, shape: tuple[int, ...], clip: float) -> None:
-        self._moments = RunningMeanStd(epsilon=0.0, shape=shape)
-        self._clip = clip
-        self._learns = True
-
-    def moments(self) -> ObservationMoments:
-        return ObservationMoments(float(self._moments.count), self._moments.mean.copy(), self._moments.var.copy())
-
-    def set_moments(self, moments: ObservationMoments, learns: bool) -> None:
-        shape = self._moments.mean.shape
-        for name, values in (("mean", moments.mean), ("variance", moments.variance)):
-            if np.shape(values) != shape:
-                raise ValueError(f"{name} has shape {np.shape(values)}, must have {shape}")
-        self._moments.count, self._learns = moments.number, learns
-        self._moments.mean, self._moments.var = moments.mean.copy(), moments.variance.copy()
-
-    def see(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Learn from observations (N, D) and return them normalised."""
-        if self._learns:
-            self._moments.update(observations.astype(np.float64))
-        return self.normalised(observations)
-
-    def normalised(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        scaled = (observations - self._moments.mean) / np.sqrt(self._moments.var + OBSERVATION_EPSILON)
-        return np.clip(scaled, -self._clip, self._clip).astype(np.float32)
+#: What `get_attr` answers with another attribute of the batch, because each walker has it.
+_OF_ONE = {"observation_space": "single_observation_space", "action_space": "single_action_space"}
+#: Attributes that can be set after the environment has been made.
+_SETTABLE = frozenset({"difficulty"})
+#: What walkers have of their own and the batch does not tell.
+_UNTOLD = frozenset({"np_random", "np_random_seed"})
 
 
 class ProsthesisVecEnv(VecEnv):
     """Many walkers as one Stable-Baselines3 environment.
 
-    `config`, `scenario`, `reward` and `reward_terms` are those of `ProsthesisVectorEnv`, whose attributes and methods
-    `get_attr`, `set_attr` and `env_method` reach: `set_attr("difficulty", 0.5)`.
+    `config`, `scenario`, `reward`, `reward_terms` and `max_episode_steps` are those of `ProsthesisVectorEnv`, whose
+    attributes and methods `get_attr`, `set_attr` and `env_method` reach: `set_attr("difficulty", 0.5)`. What walkers
+    can do alone, `env_method` has those at `indices` do: `env_method("reset", seed=3, indices=[1])`, `get_state`,
+    `set_state`, `render`. What all walkers share must be asked for of all; otherwise it is a ValueError.
 
     Where an episode ends, the info says what a wrapper per environment would: `terminal_observation`,
     `TimeLimit.truncated`, `episode` (return "r", env steps "l", seconds "t" since the environment was made: no
-    VecMonitor is needed), and beyond that `episode_terms` (sum of each reward term before its weight) and
-    `termination_reason`. The other environments hand out the same info dict every step, because thousands of fresh
-    ones would cost more than the step itself.
+    VecMonitor is needed), `termination_reason` (int, a `TerminationReason`), and beyond that `episode_terms` (sum of
+    each reward term before its weight). The other environments hand out the same info dict every step, because
+    thousands of fresh ones would cost more than the step itself.
 
-    With `normalise_observations`, observations (terminal ones too) come less their running mean, over their running
-    standard deviation and within +-`clip_observation`: what SB3's VecNormalize does, done in the core (with
-    `reward_terms`, which see observations as they are, in NumPy). Their statistics are `observation_moments`.
+    `ProsthesisVecNormalize` around it normalises observations and rewards.
 
     With `staggered`, `reset` lets each walker walk for a different part of an episode first, so that a rollout sees
     all parts of an episode at any time instead of all walkers starting, walking and ending in step.
@@ -101,12 +66,17 @@ class ProsthesisVecEnv(VecEnv):
         reward: str | Path | None = None,
         reward_terms: Sequence[RewardTerm] = (),
         threads: int | None = None,
+        max_episode_steps: int | None = None,
         staggered: bool = False,
         normalise_observations: bool = False,
-        clip_observation: float = 10.0,
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
+        if normalise_observations:  # Statistics that only the environment knew of, callbacks evaluated without.
+            raise ValueError(
+                "normalise_observations = True: put ProsthesisVecNormalize(env, norm_reward=False) around the "
+                "environment, and one around that of an EvalCallback, which then takes over the statistics"
+            )
         self.envs = ProsthesisVectorEnv(
             num_envs,
             config,
@@ -115,24 +85,20 @@ class ProsthesisVecEnv(VecEnv):
             reward_terms=reward_terms,
             autoreset_mode=AutoresetMode.SAME_STEP,
             threads=threads,
+            max_episode_steps=max_episode_steps,
             render_mode=render_mode,
             render_size=render_size,
         )
+        if staggered and self.envs.max_episode_steps is None:
+            raise ValueError("staggered walkers need a limit of time: max_episode_steps = -1 takes it away")
         #: Wall time spent in the native core since the environment was made, s.
         self.core_seconds = 0.0
         self._staggered = staggered
         self._began = time.perf_counter()
         self._infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(num_envs)]
         self._actions = np.zeros(self.envs.action_space.shape or ()).reshape(-1)
-        self._normaliser: _Normaliser | None = None
-        space = self.envs.single_observation_space
-        if normalise_observations:
-            if reward_terms:
-                self._normaliser = _Normaliser(space.shape or (), clip_observation)
-            else:
-                self.envs.batch.normalise_observations(clip_observation, OBSERVATION_EPSILON)
-            space = Box(-clip_observation, clip_observation, space.shape, np.float32)
-        super().__init__(num_envs, space, self.envs.single_action_space)
+        self._fixed = frozenset(dir(self.envs)) - _SETTABLE
+        super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
         self.metadata["render_fps"] = self.envs.metadata["render_fps"]
 
     @property
@@ -143,44 +109,70 @@ class ProsthesisVecEnv(VecEnv):
             ValueError: observations are not normalised.
 
         """
-        if self._normaliser is not None:
-            return self._normaliser.moments()
         return ObservationMoments(*self.envs.batch.moments())
 
-    def set_observation_moments(self, moments: ObservationMoments, *, learns: bool = True) -> None:
-        """Replace the statistics; without `learns` they stay as they are from now on."""
-        if self._normaliser is not None:
-            self._normaliser.set_moments(moments, learns)
-        else:
-            self.envs.batch.set_moments(*moments, learns)
+    def set_observation_moments(self, moments: ObservationMoments) -> None:
+        """Replace the statistics.
+
+        Raises:
+            ValueError: observations are not normalised; another number of entries, or impossible ones.
+
+        """
+        self.envs.batch.set_moments(*moments, self.envs.batch.learns)
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Have walker i begin with seed + i at the next reset; None draws one.
+
+        Raises:
+            ValueError: not an integer, or negative.
+
+        """
+        return super().seed(None if seed is None else check_seed(seed))
+
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Refuse options for resets: the environments have none."""
+        if isinstance(options, list) and len(options) != self.num_envs:
+            raise ValueError(f"options has {len(options)} entries, must have one per environment: {self.num_envs}")
+        for one in options if isinstance(options, list) else [options]:
+            if one:
+                raise ValueError(f"unknown reset option {next(iter(one))!r}; there are none")
 
     def reset(self) -> NDArray[np.float32]:
         """Return first observations (N, D) of new episodes; takes the seeds of the last call of `seed`."""
-        seeded = any(seed is not None for seed in self._seeds)
-        observations, _ = self.envs.reset(seed=list(self._seeds) if seeded else None)
+        seeds = list(self._seeds) if any(seed is not None for seed in self._seeds) else None
+        observations = self._spread(seeds) if self._staggered else self.envs.reset(seed=seeds)[0]
         self._reset_seeds()
-        self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
-        if self._staggered:
-            observations = self._stagger()
-            if self.envs.rendering is not None:
-                self.envs.rendering.reset()
-        return observations if self._normaliser is None else self._normaliser.see(observations)
+        return observations
 
-    def _stagger(self) -> NDArray[np.float32]:
-        """Spread the ages of the walkers evenly over the length of an episode, with action 0."""
-        limits = self.envs.config
-        steps = round(limits["scenario"]["duration_s"] / CONTROL_PERIOD_S / limits["action"]["hold"])
+    def _spread(self, seeds: list[int | None] | None) -> NDArray[np.float32]:
+        """Begin episodes, and spread the ages of the walkers evenly over their length, with action 0."""
+        walkers, batch = self.envs.walkers, self.envs.batch
+        learns = walkers.normalised and batch.learns
+        if learns:  # from what the agent meets, and from nothing else
+            batch.learns = False
+        self.envs.reset(seed=seeds)
+        steps = self.envs.max_episode_steps or 0
         starts = np.arange(self.num_envs) * steps // self.num_envs
         actions = np.zeros_like(self._actions)
         for step in range(steps):
-            self.envs.walkers.step(actions)
-            self.envs.walkers.reset(None, starts == step)
-        return self.envs.walkers.step(actions).observations
+            walkers.step(actions)
+            walkers.reset(mask=starts == step)
+        walkers.step(actions)
+        if learns:
+            batch.learns = True
+        if self.envs.rendering is not None:
+            self.envs.rendering.reset()
+        return walkers.observations(np.ones(self.num_envs, dtype=np.bool_))
 
     def step_async(self, actions: NDArray[Any]) -> None:
-        """Keep the actions (N, action size) for `step_wait`."""
-        self._actions = np.asarray(actions, dtype=np.float64).reshape(self._actions.shape)
+        """Keep the actions (N, action size), floating point, for `step_wait`.
+
+        Raises:
+            ValueError: wrong shape or dtype.
+
+        """
+        self._actions = check_actions(actions, self.envs.action_space.shape or ())
 
     def step_wait(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Advance every walker by `action.hold` control periods."""
@@ -190,9 +182,7 @@ class ProsthesisVecEnv(VecEnv):
         self.core_seconds += now - began
         if self.envs.rendering is not None:
             self.envs.rendering.step()
-        observations, truncated = step.observations, step.truncated
-        if self._normaliser is not None:
-            observations = self._normaliser.see(observations)
+        truncated = step.truncated
         dones = step.terminated | truncated
         infos = self._infos.copy()
         ended = np.flatnonzero(dones)
@@ -200,8 +190,6 @@ class ProsthesisVecEnv(VecEnv):
             returns, steps, terms = step.episode_returns, step.episode_steps, step.episode_terms
             final, reasons = step.final_observations, step.reasons
             assert final is not None  # autoreset "same_step" always hands it out
-            if self._normaliser is not None:
-                final = self._normaliser.normalised(final)
             for index in ended:
                 infos[index] = {
                     "TimeLimit.truncated": bool(truncated[index]),
@@ -212,30 +200,101 @@ class ProsthesisVecEnv(VecEnv):
                         "t": round(now - self._began, 6),
                     },
                     "episode_terms": dict(zip(self.envs.walkers.terms.names, terms[index].tolist(), strict=True)),
-                    "termination_reason": _core.REASONS[reasons[index]],
+                    "termination_reason": int(reasons[index]),
                 }
-        return observations, step.rewards.astype(np.float32), dones, infos
+        return step.observations, step.rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
-        """Free the native batch."""
+        """Close the window, if there is one; whatever is asked of the environment afterwards is an error."""
         self.envs.close()
 
+    def has_attr(self, attr_name: str) -> bool:
+        """Return whether there is an attribute of that name."""
+        return hasattr(self.envs, attr_name)
+
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """Return the attribute of the batch once per index: all walkers share it."""
-        return [getattr(self.envs, attr_name)] * len(self._selected(indices))
+        """Return the attribute once per index.
+
+        Raises:
+            AttributeError: no such attribute.
+            ValueError: an index outside [0, N - 1], or what differs from walker to walker and is not kept.
+
+        """
+        selected = self._selected(indices)
+        if attr_name in _UNTOLD:
+            raise ValueError(f"{attr_name} of single walkers is not kept: their seeds are what `seed` returned")
+        return [getattr(self.envs, _OF_ONE.get(attr_name, attr_name))] * len(selected)
 
     def set_attr(self, attr_name: str, value: object, indices: VecEnvIndices = None) -> None:
-        """Set an attribute that all walkers share, so `indices` must name them all."""
-        if set(self._selected(indices)) != set(range(self.num_envs)):
-            raise ValueError(f"indices must name all {self.num_envs} walkers: they share the attribute {attr_name!r}")
+        """Set an attribute that all walkers share: `difficulty`, or one of the caller's own.
+
+        Raises:
+            ValueError: `indices` that do not name all walkers, or an attribute that is fixed.
+
+        """
+        self._check_all(indices, f"attribute {attr_name!r}")
+        if attr_name in self._fixed:
+            raise ValueError(
+                f"attribute {attr_name!r} is fixed when the environment is made; {', '.join(_SETTABLE)} is not"
+            )
         setattr(self.envs, attr_name, value)
 
     def env_method(
         self, method_name: str, *method_args: object, indices: VecEnvIndices = None, **method_kwargs: object
     ) -> list[Any]:
-        """Call the batch's method once and hands out its result per index."""
+        """Call a method for the walkers at `indices` and return its result for each of them.
+
+        Raises:
+            AttributeError: no such method.
+            ValueError: an index outside [0, N - 1]; some walkers alone, where only all can do it.
+
+        """
+        of_some: dict[str, Callable[..., list[Any]]] = {
+            "reset": self._reset_some,
+            "get_state": self._states,
+            "set_state": self._set_states,
+            "render": self._render_some,
+            "get_wrapper_attr": lambda indices, name: self.get_attr(name, indices),
+            "set_wrapper_attr": self._set_wrapper_attr,
+        }
         selected = self._selected(indices)
+        if method_name in of_some:
+            return of_some[method_name](selected, *method_args, **method_kwargs)
+        if method_name == "step":
+            raise ValueError("walkers cannot be stepped one by one: call step with the actions of all")
+        self._check_all(indices, f"method {method_name!r}")
         return [getattr(self.envs, method_name)(*method_args, **method_kwargs)] * len(selected)
+
+    def _reset_some(
+        self, selected: list[int], *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> list[tuple[NDArray[np.float32], dict[str, Any]]]:
+        self.set_options(options)
+        mask = np.zeros(self.num_envs, dtype=np.bool_)
+        mask[selected] = True
+        seeds = None if seed is None else [seed if own else None for own in mask]
+        observations, _ = self.envs.reset(seed=seeds, options={"reset_mask": mask})
+        return [(observations[index], {}) for index in selected]
+
+    def _states(self, selected: list[int]) -> list[bytes]:
+        return [self.envs.get_state([index]) for index in selected]
+
+    def _set_states(self, selected: list[int], state: bytes) -> list[NDArray[np.float32]]:
+        observations = self.envs.set_state(state, selected)
+        return [observations[index] for index in selected]
+
+    def _render_some(self, selected: list[int]) -> list[Any]:
+        pictures = self.envs.render()
+        if pictures is None:
+            return [None] * len(selected)
+        if max(selected) >= len(pictures):
+            raise ValueError(f"index = {max(selected)}: only the first {len(pictures)} walkers are drawn")
+        return [pictures[index] for index in selected]
+
+    def _set_wrapper_attr(self, selected: list[int], name: str, value: object, *, force: bool = True) -> list[bool]:
+        if not force and not self.has_attr(name):
+            return [False] * len(selected)
+        self.set_attr(name, value, selected)
+        return [True] * len(selected)
 
     def env_is_wrapped(
         self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
@@ -245,10 +304,19 @@ class ProsthesisVecEnv(VecEnv):
 
     def get_images(self) -> Sequence[NDArray[Any] | None]:
         """Return a picture (height, width, 3) uint8 of each of the first 16 walkers; None for all without a mode."""
-        return [None] * self.num_envs if self.envs.rendering is None else self.envs.rendering.frames()
+        return [None] * self.num_envs if self.envs.rendering is None else self.envs.render() or []
+
+    def _check_all(self, indices: VecEnvIndices, what: str) -> None:
+        if set(self._selected(indices)) != set(range(self.num_envs)):
+            raise ValueError(f"indices must name all {self.num_envs} walkers, or be left out: they share the {what}")
 
     def _selected(self, indices: VecEnvIndices) -> list[int]:
-        selected = list(self._get_indices(indices))
+        if indices is None:
+            return list(range(self.num_envs))
+        listed = indices if isinstance(indices, Iterable) else [indices]
+        selected = [check_whole(index, "index") for index in listed]
+        if not selected:
+            raise ValueError("indices = [] must name at least one walker")
         for index in selected:
             if not -self.num_envs <= index < self.num_envs:
                 raise ValueError(f"index = {index} is outside its allowed range [0, {self.num_envs - 1}]")

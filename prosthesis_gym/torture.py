@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from prosthesis_gym import _core
 from prosthesis_gym.config import Config, merge, resolve
 from prosthesis_gym.devices import DEVICES
+from prosthesis_gym.reasons import TerminationReason
+from prosthesis_gym.seeding import check_seed, run_seed
 from prosthesis_gym.vector_env import ProsthesisVectorEnv
 from prosthesis_gym.walkers import Observations, spaces
 
@@ -163,14 +165,13 @@ def torture(
         raise ValueError(f"steps = {steps} must be at least 1")
     if walkers < 1:
         raise ValueError(f"walkers = {walkers} must be at least 1")
-    if seed < 0:
-        raise ValueError(f"seed = {seed} must not be negative")
+    check_seed(seed)
     torments = list(itertools.product(SENSOR_FAULTS, GROUNDS, SCENARIOS, _MODES))
     np.random.default_rng(seed).shuffle(torments)
     knees = itertools.cycle(DEVICES)
     report, process = Report(), psutil.Process()
     for index, (sensors, ground, scenario, mode) in enumerate(itertools.cycle(torments)):
-        _endure(Round(next(knees), sensors, ground, scenario, mode, seed + index * walkers), walkers, threads, report)
+        _endure(Round(next(knees), sensors, ground, scenario, mode, run_seed(seed, index)), walkers, threads, report)
         report.memory_mib.append(process.memory_info().rss / 2**20)
         if progress is not None:
             progress(report.env_steps)
@@ -192,8 +193,8 @@ def _endure(ordeal: Round, walkers: int, threads: int | None, report: Report) ->
         for violation in find_violations(envs, outcome):
             report.violations.setdefault(violation, f"first in step {step} of {ordeal}")
         observations, *_, infos = outcome
-        finals = infos.get("final_info", infos).get("termination_reason", ())
-        report.ends[ordeal.device].update(reason for reason in finals if reason is not None)
+        reasons = infos.get("final_info", infos)["termination_reason"]
+        report.ends[ordeal.device].update(_core.REASONS[reason] for reason in reasons[reasons != 0])
     report.rounds += 1
     report.env_steps += ROUND_STEPS * walkers
     envs.close()
@@ -204,17 +205,19 @@ def find_violations(envs: ProsthesisVectorEnv, outcome: Step) -> list[str]:
     observations, rewards, terminated, truncated, infos = outcome
     final = infos.get("final_info", infos)
     ended = terminated | truncated
-    reasons = final.get("termination_reason", np.full(envs.num_envs, None))
+    reasons = final["termination_reason"]
     space, _ = spaces(envs.config)
     seen = [observations, *infos["final_obs"][ended]] if "final_obs" in infos else [observations]
-    terms = [values for info in (infos, final) for values in info["reward_terms"].values()]
+    terms = [info[key] for info in (infos, final) for key in envs.walkers.terms.keys]
     checks = {
         "observations are not finite": all(np.isfinite(rows).all() for rows in seen),
         "observations leave their space": all(((rows >= space.low) & (rows <= space.high)).all() for rows in seen),
         "rewards are not finite": bool(np.isfinite(rewards).all()),
         "reward terms are not finite": all(np.isfinite(values).all() for values in terms),
         "terminated and truncated at once": not (terminated & truncated).any(),
-        "an end without a reason, or the reverse": bool(((reasons != None) == ended).all()),  # noqa: E711 - of each entry
-        "a time limit that does not truncate, or the reverse": bool(((reasons == "time_limit") == truncated).all()),
+        "an end without a reason, or the reverse": bool(((reasons != TerminationReason.NONE) == ended).all()),
+        "a time limit that does not truncate, or the reverse": bool(
+            ((reasons == TerminationReason.TIME_LIMIT) == truncated).all()
+        ),
     }
     return [name for name, holds in checks.items() if not holds]

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -15,9 +15,11 @@ from prosthesis_gym.config import CONTROL_PERIOD_S
 from prosthesis_gym.rendering.canvas import Frame
 from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
 from prosthesis_gym.reward_terms import RewardTerm, Step
-from prosthesis_gym.walkers import Observations, Walkers, environment_config, observation_groups, spaces
+from prosthesis_gym.seeding import check_seed, core_seed, core_seeds, first_seed
+from prosthesis_gym.time_limit import Limited
+from prosthesis_gym.walkers import Autoreset, Observations, Walkers, environment_config, observation_groups, spaces
 
-_AUTORESET: dict[AutoresetMode, Literal["next_step", "same_step", "disabled"]] = {
+_AUTORESET: dict[AutoresetMode, Autoreset] = {
     AutoresetMode.NEXT_STEP: "next_step",
     AutoresetMode.SAME_STEP: "same_step",
     AutoresetMode.DISABLED: "disabled",
@@ -45,16 +47,19 @@ def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64
     return array.astype(np.float64).reshape(-1)
 
 
-class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDArray[Any]]):
+class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[Any]], NDArray[Any]]):
     """N walkers with a prosthetic knee, stepped together at 200 Hz.
 
     Environment i, seeded with s, gives bit for bit the trajectory of a single environment seeded with s, whatever N and
     the number of threads. `reset(seed=s)` seeds environment i with s + i.
 
     Infos are those of N single environments, laid out as Gymnasium's `SyncVectorEnv` does, each key beside its mask
-    `_key` ((N,) bool): `reward_terms` (name -> (N,) float64, unweighted; 0 where the mask is False, that is where a
-    step only reset), in steps that end episodes `termination_reason` ((N,) object: str or None), and with
-    `AutoresetMode.SAME_STEP` then also `final_obs` and `final_info`. Unlike there, `reward_terms` is always present.
+    `_key` ((N,) bool): `reward_<term>` ((N,) float64, unweighted) of each term of the reward, and `termination_reason`
+    ((N,) int64, a `TerminationReason`: 0 while an episode goes on); all 0 where the mask is False, that is where a step
+    only reset. In steps that end episodes, `AutoresetMode.SAME_STEP` adds `final_obs` and `final_info`. Unlike there,
+    the first two are always present, and `final_obs` is an array of numbers, (N, D) float32, 0 where the mask is False.
+
+    `copy.deepcopy` and pickles go on bit for bit, without what has been drawn or recorded.
 
     Args:
         num_envs: number of walkers.
@@ -65,21 +70,20 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         device: knee unit (a key of `prosthesis_gym.devices.DEVICES`); None leaves it to the configuration.
         autoreset_mode: what happens after an episode's end (all three modes of Gymnasium).
         threads: worker threads; None takes all cores. Results do not depend on it.
-        max_episode_steps: replaces `scenario.duration_s`, in env steps.
+        max_episode_steps: replaces `scenario.duration_s`, in env steps; -1 for no limit.
         render_mode: None; "rgb_array", pictures when `render` is called; or "human", a window that follows every
-            reset and step. Needs the extra `render`; trajectories do not depend on it. Only the first 16 walkers are
-            ever drawn.
+            reset and step. Needs the extra `render`, from the first picture on; trajectories do not depend on it. Only
+            the first 16 walkers are ever drawn.
         render_size: width and height in pixels of each walker's picture, by default 640x360, or of the window.
 
     Raises:
         ValueError: impossible configuration or arguments; names key, value and range.
-        ModuleNotFoundError: rendering without the extra `render`.
 
     """
 
     metadata: dict[str, Any] = {"render_modes": RENDER_MODES}  # noqa: RUF012 - as Gymnasium declares it
 
-    # Gymnasium 1.2 closes what was never finished: a refused configuration must not trip over this.
+    #: Draws the walkers, if there is a render mode.
     rendering: BatchRendering | None = None
 
     def __init__(
@@ -98,14 +102,15 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         render_size: tuple[int, int] | None = None,
     ) -> None:
         mode = check_render_mode(render_mode)
-        self.config = environment_config(config, device, max_episode_steps, scenario=scenario, reward=reward)
+        self.config = environment_config(config, device, scenario=scenario, reward=reward)
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.walkers = Walkers(num_envs, self.config, reward_terms, _AUTORESET[self.autoreset_mode], threads)
-        self.batch = self.walkers.batch
+        autoreset = _AUTORESET[self.autoreset_mode]
+        self.walkers = Walkers(
+            num_envs, self.config, reward_terms, autoreset, threads, max_episode_steps=max_episode_steps
+        )
         self.num_envs = num_envs
         self.render_mode = mode
-        #: Draws the walkers, if there is a render mode.
-        self.rendering = None if mode is None else BatchRendering(self.batch, self.config, mode, render_size)
+        self.rendering = None if mode is None else BatchRendering(self.walkers, self.config, mode, render_size)
         self.single_observation_space, self.single_action_space = spaces(self.config)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -114,9 +119,13 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             "render_fps": env_steps_per_s(self.config),
             "autoreset_mode": self.autoreset_mode,
         }
-        self._seeded = False
         self._all = np.ones(num_envs, dtype=np.bool_)
-        self._term_masks = [f"_{name}" for name in self.walkers.terms.names]
+        self._masks = [f"_{key}" for key in (*self.walkers.terms.keys, "termination_reason")]
+
+    @property
+    def batch(self) -> _core.Batch:
+        """The core's walkers."""
+        return self.walkers.batch
 
     @property
     def observation_groups(self) -> dict[str, NDArray[np.intp]]:
@@ -170,7 +179,6 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         observations = self.walkers.set_state(state, indices)
         if self.rendering is not None:
             self.rendering.reset()
-        self._seeded |= indices is None or set(indices) == set(range(self.num_envs))
         return observations
 
     def reset(
@@ -179,23 +187,23 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """Reset all environments, or those in `options["reset_mask"]` ((N,) bool).
 
         Args:
-            seed: s seeds environment i with s + i; a list seeds each; None goes on to the next episode of each.
+            seed: s seeds environment i with s + i; a list seeds each, but where it is None; None goes on to the next
+                episode of each. Environments without any seed so far get that of `np_random_seed`, which replays them.
             options: `reset_mask` is the only option.
 
         Returns:
             Observations (N, frames * channels) float32 and an empty info.
 
+        Raises:
+            ValueError: seeds that are not integers, or negative, or of another number; another option.
+
         """
+        self.walkers.check_open()
         options = dict(options or {})
         mask = self._reset_mask(options.pop("reset_mask", None))
         if options:
             raise ValueError(f"unknown reset option {next(iter(options))!r}; the only one is 'reset_mask'")
-        if isinstance(seed, int | np.integer):
-            super().reset(seed=int(seed))
-        seeds = self._seeds(seed)
-        if seeds is not None:
-            self._seeded = True
-        observations = self.walkers.reset(seeds, mask)
+        observations = self.walkers.reset(*self._seeds(seed, mask))
         if self.rendering is not None:
             self.rendering.reset()
         return observations, {}
@@ -212,22 +220,25 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
             raise ValueError("reset_mask selects no environment")
         return array
 
-    def _seeds(self, seed: int | list[int | None] | None) -> NDArray[np.uint64] | None:
-        if seed is None and self._seeded:
-            return None
-        fresh = self.np_random.integers(2**63, size=self.num_envs, dtype=np.uint64)
+    def _seeds(
+        self, seed: object, mask: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.uint64] | None, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return the core's seeds of a reset, its mask, and where in it they count."""
+        if seed is not None and not (isinstance(seed, list | tuple | np.ndarray) and np.ndim(seed) > 0):
+            seed = check_seed(seed)
+            super().reset(seed=seed)
+            return core_seeds(seed, self.num_envs), mask, mask
+        unborn = mask & ~self.walkers.born
+        seeds = core_seeds(first_seed(self), self.num_envs) if unborn.any() else np.zeros(self.num_envs, np.uint64)
         if seed is None:
-            return fresh
-        if isinstance(seed, int | np.integer):
-            if seed < 0:
-                raise ValueError(f"seed = {seed} must not be negative")
-            return np.uint64(seed) + np.arange(self.num_envs, dtype=np.uint64)
+            return (seeds, mask, unborn) if unborn.any() else (None, mask, unborn)
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} entries, must have one per environment: {self.num_envs}")
-        negative = [one for one in seed if one is not None and one < 0]
-        if negative:
-            raise ValueError(f"seed = {negative[0]} must not be negative")
-        return np.array([fresh[i] if one is None else one for i, one in enumerate(seed)], dtype=np.uint64)
+        given = [None if one is None else core_seed(check_seed(one)) for one in seed]
+        for index, one in enumerate(given):
+            if one is not None:
+                seeds[index] = one
+        return seeds, mask, unborn | np.array([one is not None for one in given])
 
     def step(
         self, actions: NDArray[np.floating[Any]]
@@ -256,9 +267,11 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """Return a picture (height, width, 3) uint8 of each of the first 16 walkers, or draw them into the window.
 
         Raises:
-            ValueError: before the first reset.
+            ValueError: before the first reset, or after `close`.
+            ModuleNotFoundError: the extra `render` is not installed.
 
         """
+        self.walkers.check_open()
         if self.rendering is None:
             gymnasium.logger.warn("render() without a render_mode draws nothing; choose one when making the envs")
             return None
@@ -269,42 +282,33 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
 
     def _infos(self, step: _core.Step | Step) -> dict[str, Any]:
         """Lay out the infos of a step that an environment either takes, or is reset in."""
-        infos = self._reward_terms(step.terms, ~step.started)
-        if step.eventful:
-            ended = step.terminated | step.truncated
-            if ended.any():
-                infos |= {"termination_reason": step.termination_reasons, "_termination_reason": ended}
-        return infos
+        return self._info(step.terms, step.reasons, ~step.started)
 
     def _same_step_infos(self, step: _core.Step | Step) -> dict[str, Any]:
         """Lay out the infos of a step whose ended environments have been reset in it: what ended is the final one."""
         ended, finals = step.started, step.final_observations
         if not step.eventful or finals is None:
-            return self._reward_terms(step.terms, ~ended)
+            return self._infos(step)
         where = ended[:, None]
-        why = {"termination_reason": step.termination_reasons, "_termination_reason": ended.copy()}
-        return self._reward_terms(np.where(where, 0.0, step.terms), ~ended) | {
-            "final_obs": _rows(finals, ended),
+        return self._info(np.where(where, 0.0, step.terms), np.zeros_like(step.reasons), ~ended) | {
+            "final_obs": np.where(where, finals, np.float32(0.0)),
             "_final_obs": ended.copy(),
-            "final_info": self._reward_terms(np.where(where, step.terms, 0.0), ended.copy()) | why,
+            "final_info": self._info(np.where(where, step.terms, 0.0), step.reasons, ended.copy()),
             "_final_info": ended,
         }
 
-    def _reward_terms(self, terms: NDArray[np.float64], present: NDArray[np.bool_]) -> dict[str, Any]:
-        """Lay out the reward's terms (N, number of terms) of the environments in the mask; 0 elsewhere."""
+    def _info(
+        self, terms: NDArray[np.float64], reasons: NDArray[np.uint8], present: NDArray[np.bool_]
+    ) -> dict[str, Any]:
+        """Lay out terms of the reward (N, number of terms) and reasons (N,), 0 where the mask `present` is False."""
         # Not strict: zip would ask the array for one row too many, and that IndexError takes longer than all the rest.
-        named = dict(zip(self.walkers.terms.names, terms.T, strict=False)) | dict.fromkeys(self._term_masks, present)
-        return {"reward_terms": named, "_reward_terms": present}
+        info: dict[str, Any] = dict(zip(self.walkers.terms.keys, terms.T, strict=False))
+        info["termination_reason"] = reasons.astype(np.int64)
+        return info | dict.fromkeys(self._masks, present)
 
     def close_extras(self, **_: object) -> None:
-        """Close the window, if there is one."""
+        """Close the window, if there is one; whatever is asked of the environments afterwards is an error."""
+        if "walkers" in vars(self):  # not in what was never finished, which Gymnasium 1.2 closes too
+            self.walkers.close()
         if self.rendering is not None:
             self.rendering.close()
-
-
-def _rows(observations: Observations, mask: NDArray[np.bool_]) -> NDArray[Any]:
-    """Return an object array (N,) of the rows in `mask`, None elsewhere."""
-    rows = np.full(mask.size, None, dtype=object)
-    for index in np.flatnonzero(mask):
-        rows[index] = observations[index]
-    return rows

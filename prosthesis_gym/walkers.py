@@ -5,27 +5,34 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from gymnasium.error import ClosedEnvironmentError
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from prosthesis_gym import _core
-from prosthesis_gym.arguments import whole_number
-from prosthesis_gym.config import CONTROL_PERIOD_S, Config, merge, read_config, resolve
+from prosthesis_gym.arguments import check_whole, whole_number
+from prosthesis_gym.config import Config, merge, read_config, resolve
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.state import seal, unseal
+from prosthesis_gym.time_limit import set_limit
 
+Autoreset = Literal["next_step", "same_step", "disabled"]
 Observations = NDArray[np.float32]
 
 MOST_THREADS = 1024
 
 
+class ClosedError(ClosedEnvironmentError, ValueError):
+    """An environment was used after `close`."""
+
+
 def environment_config(
     source: str | Path | Mapping[str, Any] | None,
     device: str | None = None,
-    max_episode_steps: int | None = None,
     *,
     scenario: str | Path | None = None,
     reward: str | Path | None = None,
@@ -36,31 +43,33 @@ def environment_config(
         scenario: one of `prosthesis_gym.SCENARIOS`, or a file (`prosthesis_gym.scenarios.load_scenario`).
         reward: one of `prosthesis_gym.REWARDS`, or a file (`prosthesis_gym.rewards.load_reward`).
         source: TOML file, nested mapping or None for the defaults.
-        device: replaces `device.kind`, if given.
-        max_episode_steps: replaces `scenario.duration_s`, in env steps, if given.
+        device: `device.kind`, if given.
 
     Raises:
-        ValueError: impossible configuration, or a setting of `source` that has no effect.
+        ValueError: impossible configuration, one of another knee unit than `device`, or a setting of `source` that has
+            no effect.
 
     """
+    given, base = read_config(source), {} if scenario is None else load_scenario(scenario)
+    if device is not None:
+        _check_device(merge(base, given), device)
     config = laid_over(
         [
-            Layer({} if scenario is None else load_scenario(scenario), given=False),
+            Layer(base, given=False),
             Layer({} if reward is None else load_reward(reward), given=False),
-            Layer(read_config(source)),
+            Layer(given),
             Layer({} if device is None else {"device": {"kind": device}}),
         ]
     )
-    if max_episode_steps is not None:
-        config = _limited(config, max_episode_steps)
     return resolve(config)
 
 
-def _limited(config: Config, max_episode_steps: int) -> Config:
-    if max_episode_steps < 1:
-        raise ValueError(f"max_episode_steps = {max_episode_steps} must be at least 1")
-    duration = max_episode_steps * resolve(config)["action"]["hold"] * CONTROL_PERIOD_S
-    return merge(config, {"scenario": {"duration_s": duration}})
+def _check_device(config: Config, device: str) -> None:
+    section = config.get("device")
+    kind = section.get("kind", device) if isinstance(section, Mapping) else device
+    if kind != device:
+        other = f": make {DEVICES[kind].env_id} instead" if kind in DEVICES else ""
+        raise ValueError(f"device.kind = {kind!r} of the configuration contradicts device = {device!r}{other}")
 
 
 def spaces(config: Mapping[str, Any]) -> tuple[Box, Box]:
@@ -88,7 +97,7 @@ def observation_groups(config: Mapping[str, Any]) -> dict[str, NDArray[np.intp]]
 
 
 class Walkers:
-    """N walkers of the core, with reward terms of one's own.
+    """N walkers of the core, with reward terms of one's own. Copies and pickles go on bit for bit.
 
     Args:
         num_envs: N.
@@ -96,6 +105,7 @@ class Walkers:
         reward_terms: their hidden channels are added to the core's observations, and cut off what is handed out.
         autoreset: what happens after an episode's end.
         threads: worker threads; None takes all cores.
+        max_episode_steps: replaces `scenario.duration_s`, in env steps; -1 for no limit.
 
     Raises:
         ValueError: impossible configuration or terms.
@@ -107,48 +117,139 @@ class Walkers:
         num_envs: int,
         config: Config,
         reward_terms: Sequence[RewardTerm] = (),
-        autoreset: Literal["next_step", "same_step", "disabled"] = "next_step",
+        autoreset: Autoreset = "next_step",
         threads: int | None = None,
+        *,
+        max_episode_steps: int | None = None,
     ) -> None:
         whole_number("num_envs", num_envs, 1, _core.MOST_ENVIRONMENTS)  # before terms of one's own make room for them
         if threads is not None:
             whole_number("threads", threads, 1, MOST_THREADS)
         self.terms = RewardTerms(config, reward_terms, num_envs)
         self.batch = _core.Batch(num_envs, self.terms.core_config, autoreset, threads)
+        set_limit(self.batch, max_episode_steps)
         self.num_envs = num_envs
+        #: (N,): which walkers have been reset, or put in place, at least once.
+        self.born = np.zeros(num_envs, dtype=np.bool_)
+        self.closed = False
+        self._autoreset: Autoreset = autoreset
+        self._threads = threads
+        self._normalised: tuple[float, float] | None = None
         self._none = np.zeros(num_envs, dtype=np.bool_)
 
-    def reset(self, seeds: NDArray[np.uint64] | None, mask: NDArray[np.bool_] | None = None) -> Observations:
-        """Begin episodes of the walkers in `mask`, all by default, and return the observations (N, D) of all."""
-        observations = self.batch.reset(seeds, mask)
-        self.terms.reset(~self._none if mask is None else mask)
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what copies and pickles are made of: all but recordings."""
+        batch, born = self.batch, np.flatnonzero(self.born).tolist()
+        normaliser = None if self._normalised is None else (*batch.moments(), batch.learns)
+        core = {
+            "state": batch.get_state(born) if born else b"",
+            "difficulty": batch.difficulty,
+            "max_episode_steps": batch.max_episode_steps,
+            "normaliser": normaliser,
+        }
+        return {name: value for name, value in vars(self).items() if name != "batch"} | {"core": core}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Make the core's walkers anew and put what was saved in place."""
+        core = state.pop("core")
+        vars(self).update(state)
+        self.batch = _core.Batch(self.num_envs, self.terms.core_config, self._autoreset, self._threads)
+        self.batch.difficulty = core["difficulty"]
+        self.batch.max_episode_steps = core["max_episode_steps"]
+        if self._normalised is not None:
+            self.batch.normalise_observations(*self._normalised)
+            self.batch.set_moments(*core["normaliser"])
+        if self.born.any():
+            self.batch.set_state(core["state"], np.flatnonzero(self.born).tolist())
+
+    def normalise_observations(self, clip: float, epsilon: float) -> None:
+        """Return observations less their running mean, over their running deviation, within +-clip, from now on.
+
+        Raises:
+            ValueError: reward terms of one's own, which need observations as they are.
+
+        """
+        if self.terms.terms:
+            raise ValueError("the core cannot normalise observations that reward terms of one's own look at")
+        if self.normalised:
+            raise ValueError("the core normalises these observations already")
+        self.batch.normalise_observations(clip, epsilon)
+        self._normalised = (clip, epsilon)
+
+    @property
+    def normalised(self) -> bool:
+        """Whether the core normalises observations."""
+        return self._normalised is not None
+
+    def reset(
+        self,
+        seeds: NDArray[np.uint64] | None = None,
+        mask: NDArray[np.bool_] | None = None,
+        seeded: NDArray[np.bool_] | None = None,
+    ) -> Observations:
+        """Begin episodes of the walkers in `mask`, all by default, and return the observations (N, D) of all.
+
+        Those in `seeded`, all by default, begin the first episode of their entry of `seeds` (N,), the others, and all
+        without `seeds`, their next episode.
+        """
+        self.check_open()
+        mask = ~self._none if mask is None else mask
+        if seeds is not None and seeded is not None and not seeded[mask].all():
+            self.batch.reset(None, mask & ~seeded)
+            observations = self.batch.reset(seeds, mask & seeded)
+        else:
+            observations = self.batch.reset(seeds, mask)
+        self.born |= mask
+        self.terms.reset(mask)
         return self.terms.visible(observations)
+
+    def observations(self, new: NDArray[np.bool_] | None = None) -> Observations:
+        """Return the newest observations (N, D); statistics learn from those in the mask `new`, by default none."""
+        return self.terms.visible(self.batch.observations(new))
 
     def step(self, actions: NDArray[np.float64]) -> _core.Step | Step:
         """Advance all walkers by one action each, flat (N * action size,) float64."""
+        self.check_open()
         return self.terms.applied(self.batch.step(actions))
 
     def get_state(self, indices: Sequence[int] | None = None) -> bytes:
         """Return the state of the walkers at `indices`, of all by default."""
-        selected = self._selected(indices)
+        self.check_open()
+        selected = self.selected(indices)
         return seal(self.batch.get_state(selected), self.terms.sums(selected))
 
     def set_state(self, state: bytes, indices: Sequence[int] | None = None) -> Observations:
         """Put saved walkers at `indices`, at all by default, and return the observations (N, D) of all."""
-        selected = self._selected(indices)
+        self.check_open()
+        selected = self.selected(indices)
         core, sums = unseal(state)
         self.terms.check_sums(sums)
         restarted = self._none.copy()
         restarted[selected] = self.batch.set_state(core, selected)
+        self.born[selected] = True
         self.terms.set_sums(sums, selected)
         self.terms.reset(restarted)
-        # Resetting none of the walkers hands out the newest observations of all.
-        return self.terms.visible(self.batch.reset(None, self._none))
+        return self.observations(restarted)
 
-    def _selected(self, indices: Sequence[int] | None) -> list[int]:
+    def close(self) -> None:
+        """Refuse everything from now on."""
+        self.closed = True
+
+    def check_open(self) -> None:
+        """Raise a ClosedError after `close`."""
+        if self.closed:
+            raise ClosedError("the environment is closed: make a new one")
+
+    def selected(self, indices: Sequence[int] | None) -> list[int]:
+        """Return the indices, of all walkers by default.
+
+        Raises:
+            ValueError: none, or one outside [0, N - 1].
+
+        """
         if indices is None:
             return list(range(self.num_envs))
-        selected = [int(index) for index in indices]
+        selected = [check_whole(index, "index") for index in indices]
         if not selected:
             raise ValueError("indices = [] must name at least one walker")
         for index in selected:

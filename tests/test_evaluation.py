@@ -86,7 +86,7 @@ def test_evaluation_is_the_single_environment_played_seed_by_seed() -> None:
         while not done:
             observation, reward, terminated, truncated, info = env.step(policy.act(observation[None]))
             total += reward
-            energy += info["reward_terms"]["energy"]
+            energy += info["reward_energy"]
             done = terminated or truncated
         falls += terminated
         returns.append(total)

@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from prosthesis_gym import ProsthesisVectorEnv, _core
+from prosthesis_gym import ProsthesisVectorEnv, TerminationReason, _core
 from prosthesis_gym.config import Config, merge, resolve
 from prosthesis_gym.walkers import spaces
 
@@ -130,13 +130,13 @@ def walk(envs: ProsthesisVectorEnv, seed: int) -> Walks:
         observations, rewards, terminated, truncated, infos = envs.step(actions)
         ended = terminated | truncated
         assert not (terminated & truncated).any()
-        assert all(np.isfinite(terms).all() for terms in infos["reward_terms"].values())
+        assert all(np.isfinite(infos[f"reward_{name}"]).all() for name in _core.TERMS)
         if ended.any():
-            walks.observations.append(np.stack(infos["final_obs"][ended]))
+            walks.observations.append(infos["final_obs"][ended])
             reasons = infos["final_info"]["termination_reason"]
             np.testing.assert_array_equal(infos["final_info"]["_termination_reason"], ended)
-            np.testing.assert_array_equal(reasons[ended] == "time_limit", truncated[ended])
-            walks.reasons += reasons[ended].tolist()
+            np.testing.assert_array_equal(reasons[ended] == TerminationReason.TIME_LIMIT, truncated[ended])
+            walks.reasons += [_core.REASONS[reason] for reason in reasons[ended]]
         walks.observations.append(observations)
         walks.rewards.append(rewards)
         walks.ended.append(ended)

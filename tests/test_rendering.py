@@ -226,12 +226,6 @@ def test_environments_without_render_mode_do_not_import_pygame() -> None:
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 
 
-def test_a_missing_renderer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "pygame", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'prosthesis-gym\[render\]'"):
-        ProsthesisEnv(render_mode="rgb_array")
-
-
 @pytest.mark.parametrize(("count", "drawn"), [(1, 1), (3, 3), (20, 16)])
 def test_vector_environments_return_a_picture_per_walker_up_to_16(count: int, drawn: int) -> None:
     envs = gymnasium.make_vec(
@@ -259,24 +253,6 @@ def test_all_walkers_of_a_batch_fit_into_one_picture() -> None:
     for index, frame in enumerate(envs.rendering.frames()):
         top, left = 92 * (index // 3), 162 * (index % 3)
         np.testing.assert_array_equal(tiled[top : top + 90, left : left + 160], frame)
-
-
-def test_a_window_shows_the_walkers_and_closes() -> None:
-    import pygame  # noqa: PLC0415 - rendering is optional
-
-    env = ProsthesisEnv(WALK, render_mode="human")
-    env.reset(seed=0)
-    surface = pygame.display.get_surface()
-    assert surface is not None
-    assert surface.get_size() == (960, 540)
-    first = pygame.surfarray.array3d(surface)
-    for _ in range(20):
-        env.step(np.zeros(1, dtype=np.float32))
-    assert env.render() is None
-    assert (pygame.surfarray.array3d(surface) != first).any()
-    env.close()
-    assert not pygame.display.get_init()
-    env.close()
 
 
 def test_record_video_films_an_episode(tmp_path: Path) -> None:

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecNormalize
 
-from prosthesis_gym import REWARDS, ProsthesisEnv, ProsthesisVectorEnv, RewardTerm, _core
+from prosthesis_gym import REWARDS, ProsthesisEnv, ProsthesisVectorEnv, RewardTerm, TerminationReason, _core
 from prosthesis_gym.rewards import load_reward
-from prosthesis_gym.sb3 import ProsthesisVecEnv
+from prosthesis_gym.sb3 import ProsthesisVecEnv, ProsthesisVecNormalize
 
 WALKERS = 6
 #: Random walkers fall, or run out of time, within it.
@@ -101,8 +102,8 @@ def test_vector_environments_give_what_single_ones_do(mode: AutoresetMode) -> No
             infos.append((mine[4]["final_info"], reference[4]["final_info"]))
         for own, other in infos:
             for term in TERMS:
-                if "reward_terms" in other:
-                    np.testing.assert_array_equal(own["reward_terms"][term.name], other["reward_terms"][term.name])
+                if f"reward_{term.name}" in other:
+                    np.testing.assert_array_equal(own[f"reward_{term.name}"], other[f"reward_{term.name}"])
         if mode == AutoresetMode.DISABLED and ended.any():
             for envs in (ours, theirs):
                 envs.reset(options={"reset_mask": ended})
@@ -118,8 +119,8 @@ def test_a_term_judges_the_final_observation_of_an_episode_that_ends(mode: Autor
     for actions in actions_of(2, 100, 32):
         _, _, terminated, truncated, infos = envs.step(actions)
         final = infos.get("final_info", infos)
-        fell = terminated & (final.get("termination_reason", np.full(32, None)) == "hip_height")
-        fallen += final["reward_terms"]["hip_height"][fell].tolist()
+        fell = terminated & (final["termination_reason"] == TerminationReason.HIP_HEIGHT)
+        fallen += final["reward_hip_height"][fell].tolist()
         if mode == AutoresetMode.DISABLED and (terminated | truncated).any():
             envs.reset(options={"reset_mask": terminated | truncated})
     assert len(fallen) > 5
@@ -132,10 +133,10 @@ def test_a_step_that_only_resets_counts_for_no_term() -> None:
     for actions in actions_of(0, 5):
         _, _, terminated, truncated, infos = envs.step(actions)
     assert (terminated | truncated).all()
-    assert (infos["reward_terms"]["hip_height"] > 0.0).all()
+    assert (infos["reward_hip_height"] > 0.0).all()
     _, rewards, *_, infos = envs.step(actions)
     assert (rewards == 0.0).all()
-    assert (infos["reward_terms"]["hip_height"] == 0.0).all()
+    assert (infos["reward_hip_height"] == 0.0).all()
 
 
 def test_rewards_are_the_weighted_sum_of_all_terms() -> None:
@@ -144,13 +145,12 @@ def test_rewards_are_the_weighted_sum_of_all_terms() -> None:
     envs.reset(seed=0)
     for actions in actions_of(0, 150):
         _, rewards, *_, infos = envs.step(actions)
-        total = sum(weight * infos["reward_terms"][name] for name, weight in weights.items())
+        total = sum(weight * infos[f"reward_{name}"] for name, weight in weights.items())
         np.testing.assert_allclose(rewards, total, atol=1e-12)
 
 
-@pytest.mark.parametrize("normalised", [False, True])
-def test_stable_baselines_returns_and_episode_terms_include_them(normalised: bool) -> None:
-    env = ProsthesisVecEnv(WALKERS, CONFIG, reward_terms=TERMS, normalise_observations=normalised)
+def test_stable_baselines_returns_and_episode_terms_include_them() -> None:
+    env = ProsthesisVecEnv(WALKERS, CONFIG, reward_terms=TERMS)
     env.seed(5)
     env.reset()
     returns, ended = np.zeros(WALKERS), 0
@@ -170,32 +170,17 @@ def test_stable_baselines_returns_and_episode_terms_include_them(normalised: boo
     assert ended > WALKERS
 
 
-def assert_close(ours: Any, theirs: Any, tolerance: float) -> None:  # noqa: ANN401 - what SB3 calls an observation
-    np.testing.assert_allclose(ours, theirs, rtol=tolerance, atol=tolerance)
-
-
-def test_normalised_observations_are_those_of_the_core_and_terms_see_raw_ones() -> None:
-    ours = ProsthesisVecEnv(WALKERS, CONFIG, reward_terms=TERMS, normalise_observations=True)
-    core = ProsthesisVecEnv(WALKERS, CONFIG, normalise_observations=True)
-    raw = ProsthesisVecEnv(WALKERS, CONFIG, reward_terms=TERMS)
-    for env in (ours, core, raw):
-        env.seed(5)
-    assert_close(ours.reset(), core.reset(), 1e-5)
-    raw.reset()
-    for actions in actions_of(3, 120):
-        mine, theirs, plain = ours.step(actions), core.step(actions), raw.step(actions)
-        assert_close(mine[0], theirs[0], 1e-4)
-        np.testing.assert_array_equal(mine[1], plain[1])
-        for index in np.flatnonzero(mine[2]):
-            finals = [steps[3][index]["terminal_observation"] for steps in (mine, theirs)]
-            assert_close(finals[0], finals[1], 1e-4)
-    moments = ours.observation_moments
-    for name, expected in core.observation_moments._asdict().items():
-        assert_close(getattr(moments, name), expected, 1e-6)
-    fresh = ProsthesisVecEnv(WALKERS, CONFIG, reward_terms=TERMS, normalise_observations=True)
-    fresh.set_observation_moments(moments, learns=False)
-    fresh.reset()
-    assert fresh.observation_moments.number == moments.number
+def test_the_core_does_not_normalise_observations_that_terms_look_at() -> None:
+    with pytest.raises(ValueError, match="reward terms of one's own"):
+        ProsthesisVecNormalize(ProsthesisVecEnv(WALKERS, CONFIG, reward_terms=TERMS))
+    env = VecNormalize(ProsthesisVecEnv(WALKERS, CONFIG, reward_terms=TERMS), norm_reward=False)
+    plain = ProsthesisVecEnv(WALKERS, CONFIG)
+    for each in (env, plain):
+        each.seed(5)
+        each.reset()
+    for actions in actions_of(3, 20):
+        env.step(actions)
+        np.testing.assert_array_equal(env.get_original_obs(), plain.step(actions)[0])
 
 
 @pytest.mark.parametrize(

@@ -38,7 +38,7 @@ def play(envs: ProsthesisVectorEnv, actions: NDArray[np.float32]) -> list[tuple[
     for action in actions:
         observations, rewards, terminated, truncated, infos = envs.step(action)
         ended = terminated | truncated
-        played.append((observations, rewards, terminated, truncated, infos["reward_terms"]["alive"]))
+        played.append((observations, rewards, terminated, truncated, infos["reward_alive"]))
         if envs.autoreset_mode == AutoresetMode.DISABLED and ended.any():
             played.append(envs.reset(options={"reset_mask": ended})[:1])
     return played
@@ -173,8 +173,8 @@ def test_episode_returns_go_on_with_terms_of_ones_own() -> None:
     actions = np.random.default_rng(0).uniform(-1, 1, (120, 3, 1)).astype(np.float32)
     for action in actions[:20]:
         env.step(action)
-    (state,) = env.env_method("get_state", indices=0)
-    other.env_method("set_state", state, indices=0)
+    for walker, state in enumerate(env.env_method("get_state")):
+        other.env_method("set_state", state, indices=walker)
     ends = 0
     for action in actions[20:]:
         mine, theirs = env.step(action), other.step(action)

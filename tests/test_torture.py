@@ -75,7 +75,7 @@ def test_a_fault_in_the_terms_is_found() -> None:
     envs = ProsthesisVectorEnv(4)
     envs.reset(seed=0)
     outcome = envs.step(np.zeros((4, 1)))
-    outcome[4]["reward_terms"]["energy"][2] = np.nan
+    outcome[4]["reward_energy"][2] = np.nan
     assert find_violations(envs, outcome) == ["reward terms are not finite"]
 
 

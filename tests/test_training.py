@@ -21,7 +21,7 @@ from prosthesis_gym.config import merge, resolve
 from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.rewards import load_reward
-from prosthesis_gym.sb3 import ProsthesisVecEnv
+from prosthesis_gym.sb3 import ProsthesisVecEnv, ProsthesisVecNormalize
 from prosthesis_gym.scenarios import load_scenario
 from training.checkpoint import latest_checkpoint, load_checkpoint, save_checkpoint
 from training.export import export_policy
@@ -132,10 +132,18 @@ def test_other_knees_are_trained_by_naming_them(config: Path, tmp_path: Path, ki
 def test_the_exported_policy_acts_as_the_model_does(config: Path) -> None:
     torch.set_num_threads(1)
     settings = Settings.load(config)
-    env = ProsthesisVecEnv(16, settings.env, normalise_observations=True, clip_observation=5.0)
+    env = ProsthesisVecEnv(16, settings.env)
+    normalised_env = ProsthesisVecNormalize(env, norm_reward=False, clip_obs=5.0)
     options: dict[str, Any] = {"net_arch": {"pi": [16, 8], "vf": [4]}, "activation_fn": torch.nn.Tanh}
     model = PPO(
-        "MlpPolicy", env, n_steps=64, batch_size=64, learning_rate=0.01, policy_kwargs=options, device="cpu", seed=0
+        "MlpPolicy",
+        normalised_env,
+        n_steps=64,
+        batch_size=64,
+        learning_rate=0.01,
+        policy_kwargs=options,
+        device="cpu",
+        seed=0,
     )
     model.learn(2048)
     moments = env.observation_moments
@@ -161,9 +169,14 @@ def test_rewards_are_bounded_before_they_enter_any_statistics(config: Path) -> N
 
 def test_other_networks_are_not_exported(config: Path) -> None:
     settings = Settings.load(config)
-    env = ProsthesisVecEnv(2, settings.env, normalise_observations=True)
+    env = ProsthesisVecEnv(2, settings.env)
     model = PPO(
-        "MlpPolicy", env, n_steps=8, batch_size=16, policy_kwargs={"activation_fn": torch.nn.ReLU}, device="cpu"
+        "MlpPolicy",
+        ProsthesisVecNormalize(env),
+        n_steps=8,
+        batch_size=16,
+        policy_kwargs={"activation_fn": torch.nn.ReLU},
+        device="cpu",
     )
     with pytest.raises(ValueError, match="ReLU"):
         export_policy(model, env.observation_moments, 10.0, settings.env)

@@ -16,6 +16,7 @@ import numpy as np
 from rich.progress import BarColumn, Progress, ProgressColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from stable_baselines3.common.callbacks import BaseCallback
 
+from prosthesis_gym import TerminationReason
 from prosthesis_gym.evaluation import EvaluationResult
 from prosthesis_gym.files import atomic_write, read_text
 from prosthesis_gym.sb3 import ProsthesisVecEnv
@@ -153,9 +154,10 @@ class ProgressCallback(BaseCallback):
         self._bar.update(self._task, completed=self.num_timesteps)
         infos = self.locals["infos"]
         for index in np.flatnonzero(self.locals["dones"]):
-            if infos[index]["termination_reason"] == "non_finite":
+            reason = infos[index]["termination_reason"]
+            if reason == TerminationReason.NON_FINITE:
                 continue  # a diverged integration is no fall, and what it summed up is worth nothing
-            self._fell.append(infos[index]["termination_reason"] != "time_limit")
+            self._fell.append(reason != TerminationReason.TIME_LIMIT)
             self._terms.append(infos[index]["episode_terms"])
         return True
 

@@ -22,7 +22,8 @@ from prosthesis_gym.evaluation import VALIDATION_SEED, evaluate
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.progress import waiting
-from prosthesis_gym.sb3 import ProsthesisVecEnv
+from prosthesis_gym.sb3 import ProsthesisVecEnv, ProsthesisVecNormalize
+from prosthesis_gym.seeding import run_seed
 from training.callbacks import (
     CurriculumCallback,
     EvaluationLog,
@@ -117,11 +118,10 @@ class Trainer:
             settings.env,
             threads=self.threads,
             staggered=True,
-            normalise_observations=True,
-            clip_observation=settings.policy.clip_observation,
         )
+        observed = ProsthesisVecNormalize(self.env, norm_reward=False, clip_obs=settings.policy.clip_observation)
         self.normaliser = VecNormalize(
-            BoundedReward(self.env, options.clip_reward),
+            BoundedReward(observed, options.clip_reward),
             norm_obs=False,
             norm_reward=options.normalise_reward,
             gamma=settings.ppo.gamma,
@@ -137,8 +137,9 @@ class Trainer:
             self.curriculum = CurriculumCallback(options.curriculum_steps, options.start_difficulty)
             # Learning resets the environment before its first rollout.
             self.env.set_attr("difficulty", self.curriculum.difficulty(self.progress.steps))
-        # Resumed walkers must not live through the first episodes once more.
+        # Resumed walkers must not live through the first episodes once more, nor those of runs with other seeds.
         self.model.set_random_seed(options.seed + self.progress.resumptions * settings.num_envs)
+        self.env.seed(run_seed(options.seed, self.progress.resumptions))
         with atomic_write(folder / SETTINGS_FILE) as path:
             path.write_text(settings.to_toml(), encoding="utf-8")
         self.log = EvaluationLog(folder / "evaluation.csv")

@@ -24,9 +24,15 @@ _SUPERSAMPLING = 2
 
 
 def import_pygame() -> Any:  # noqa: ANN401 - a module has any attributes
-    """Import pygame without its greeting, or raise a ModuleNotFoundError that names the extra to install."""
+    """Import pygame-ce without its greeting, or raise a ModuleNotFoundError that names what to install."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-    return optional("pygame", "render")
+    pygame = optional("pygame", "render")
+    if not hasattr(pygame.draw, "aacircle"):  # of pygame-ce 2.5, which has the same name
+        raise ModuleNotFoundError(
+            f"pygame {pygame.version.ver} is installed in place of pygame-ce, which draws more; exchange them with: "
+            "pip uninstall pygame && pip install --force-reinstall pygame-ce"
+        )
+    return pygame
 
 
 @lru_cache(maxsize=64)
@@ -38,12 +44,14 @@ def _loaded_font(pixels: int, bold: bool) -> pygame.font.Font:
     return font
 
 
-def _font(pixels: int, bold: bool) -> pygame.font.Font:
-    module = import_pygame().font
-    if not module.get_init():  # at first, and after somebody else's `pygame.quit`, which leaves no font usable
+def _written(content: str, pixels: int, bold: bool, colour: Colour) -> pygame.Surface:
+    module = import_pygame()
+    module.font.init()
+    try:
+        return _loaded_font(pixels, bold).render(content, True, colour)
+    except module.error:  # somebody else's `pygame.quit` leaves no font usable
         _loaded_font.cache_clear()
-        module.init()
-    return _loaded_font(pixels, bold)
+        return _loaded_font(pixels, bold).render(content, True, colour)
 
 
 class Canvas:
@@ -156,7 +164,7 @@ class Canvas:
         bold: bool = False,
     ) -> None:
         """Write one line with its vertical middle at `position`."""
-        image = _font(max(round(_SUPERSAMPLING * height), 8), bold).render(content, True, colour)
+        image = _written(content, max(round(_SUPERSAMPLING * height), 8), bold, colour)
         x, y = _SUPERSAMPLING * np.asarray(position, dtype=np.float64)
         left = x - {"left": 0.0, "centre": 0.5, "right": 1.0}[anchor] * image.get_width()
         self._surface.blit(image, (round(left), round(y - 0.5 * image.get_height())))

@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
-from prosthesis_gym.rendering.canvas import Frame, import_pygame
+from prosthesis_gym.rendering.canvas import Frame
+from prosthesis_gym.rendering.readout import WINDOW_S
 from prosthesis_gym.rendering.renderer import WalkerRenderer, check_size
 from prosthesis_gym.rendering.style import GRID
-
-if TYPE_CHECKING:
-    import pygame
+from prosthesis_gym.rendering.window import Window
+from prosthesis_gym.walkers import Walkers
 
 RenderMode: TypeAlias = Literal["human", "rgb_array"]
 
@@ -45,38 +44,47 @@ def check_render_mode(mode: str | None) -> RenderMode | None:
 class BatchRendering:
     """Draws the first walkers of a batch, at most `MOST_DRAWN` of them, in one of Gymnasium's render modes.
 
+    Nothing is imported, read or made before somebody asks for a picture. From then on the walkers are followed, for
+    plots and camera, until nobody has asked for `WINDOW_S` of simulated time: plots fill anew after such a pause.
+    Copies and pickles begin with nothing followed, and no window.
+
     Args:
-        batch: the walkers; they are read, never changed.
+        walkers: they are read, never changed.
         config: their complete configuration.
         mode: "human" keeps a window up to date, "rgb_array" draws when asked to.
         size: width and height in pixels, of the window or of each walker's picture.
 
     Raises:
         ValueError: impossible size.
-        ModuleNotFoundError: pygame is not installed.
 
     """
 
     def __init__(
-        self, batch: _core.Batch, config: Mapping[str, Any], mode: RenderMode, size: tuple[int, int] | None = None
+        self, walkers: Walkers, config: Mapping[str, Any], mode: RenderMode, size: tuple[int, int] | None = None
     ) -> None:
         self.mode = mode
-        self._batch = batch
-        count = min(batch.num_envs, MOST_DRAWN)
-        window_size = _WINDOW_SIZE if count == 1 else _TILED_WINDOW_SIZE
+        self._walkers = walkers
+        self._config = config
+        self._count = min(walkers.num_envs, MOST_DRAWN)
+        window_size = _WINDOW_SIZE if self._count == 1 else _TILED_WINDOW_SIZE
         self._size = check_size(size or (window_size if mode == "human" else _PICTURE_SIZE))
-        self._columns = math.ceil(math.sqrt(count))
-        self._rows = math.ceil(count / self._columns)
-        each = self._size if mode == "rgb_array" else self._tile_size()
-        self._walkers = [
-            WalkerRenderer(config, partial(batch.ground_height, index), size=each) for index in range(count)
-        ]
+        self._columns = math.ceil(math.sqrt(self._count))
+        self._rows = math.ceil(self._count / self._columns)
+        self._each = self._size if mode == "rgb_array" else self._tile_size()
         period_s = CONTROL_PERIOD_S * config["action"]["hold"]
         self._steps_per_picture = max(round(WINDOW_PERIOD_S / period_s), 1)
+        self._followed_steps = math.ceil(WINDOW_S / period_s)
         self._pictures_per_s = round(1.0 / (self._steps_per_picture * period_s))
         self._steps = 0
-        self._window: pygame.Surface | None = None
-        self._clock: pygame.time.Clock | None = None
+        #: Since the last picture that somebody asked for.
+        self._unasked_steps = 0
+        self._renderers: list[WalkerRenderer] = []
+        #: Open from the first picture on in mode "human".
+        self.window: Window | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what copies and pickles are made of."""
+        return vars(self) | {"_renderers": [], "window": None}
 
     def _tile_size(self) -> tuple[int, int]:
         width, height = self._size
@@ -89,25 +97,51 @@ class BatchRendering:
 
     def reset(self) -> None:
         """Take on the state after a reset; a window shows it."""
-        self._observe()
         self._steps = 0
+        self._observe()
         if self.mode == "human":
             self.show()
 
     def step(self) -> None:
         """Take on the state after a step; a window shows it every `WINDOW_PERIOD_S`."""
-        self._observe()
         self._steps += 1
-        if self.mode == "human" and self._steps % self._steps_per_picture == 0:
-            self.show()
+        if self.mode == "human":
+            self._observe()
+            if self._steps % self._steps_per_picture == 0:
+                self.show()
+        elif self._renderers:
+            self._unasked_steps += 1
+            if self._unasked_steps > self._followed_steps:
+                self._renderers = []
+            self._observe()
 
     def _observe(self) -> None:
-        for index, walker in enumerate(self._walkers):
-            walker.observe(self._batch.snapshot(index))
+        for index, renderer in enumerate(self._renderers):
+            renderer.observe(self._walkers.batch.snapshot(index))
+
+    def _follow(self) -> None:
+        """Begin to follow the walkers."""
+        if not self._walkers.born[: self._count].all():
+            raise ValueError("nothing to draw: reset the environment first")
+        batch = self._walkers.batch
+        self._renderers = [
+            WalkerRenderer(self._config, partial(batch.ground_height, index), size=self._each)
+            for index in range(self._count)
+        ]
+        self._observe()
 
     def frames(self) -> tuple[Frame, ...]:
-        """Return one picture (height, width, 3) uint8 per drawn walker."""
-        return tuple(walker.draw() for walker in self._walkers)
+        """Return one picture (height, width, 3) uint8 per drawn walker.
+
+        Raises:
+            ValueError: before the first reset.
+            ModuleNotFoundError: pygame is not installed.
+
+        """
+        if not self._renderers:
+            self._follow()
+        self._unasked_steps = 0
+        return tuple(renderer.draw() for renderer in self._renderers)
 
     def tiled(self) -> Frame:
         """Return all drawn walkers in one picture, row by row."""
@@ -115,24 +149,14 @@ class BatchRendering:
 
     def show(self) -> None:
         """Draw into the window, which opens at first, no faster than the walkers walk."""
-        pygame = import_pygame()
-        if self._window is None or self._clock is None:
-            pygame.display.init()
-            pygame.display.set_caption("prosthesis_gym")
-            self._window = pygame.display.set_mode(self._size)
-            self._clock = pygame.time.Clock()
-        picture = self.tiled()
-        image = pygame.image.frombuffer(picture.tobytes(), picture.shape[1::-1], "RGB")
-        self._window.blit(image, (0, 0))
-        pygame.event.pump()
-        self._clock.tick(self._pictures_per_s)
-        pygame.display.flip()
+        if self.window is None:
+            self.window = Window(self._size, self._pictures_per_s)
+        self.window.show(self.tiled())
 
     def close(self) -> None:
         """Close the window, if there is one."""
-        if self._window is not None:
-            import_pygame().display.quit()
-            self._window = None
+        if self.window is not None:
+            self.window.close()
 
 
 def tile(frames: Sequence[Frame], columns: int) -> Frame:

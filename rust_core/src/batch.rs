@@ -123,7 +123,8 @@ impl Batch {
 
     /// Copies the newest observations, (N, observation size), normalised if that is asked for. Those in the mask `new` are seen
     /// for the first time: the others have been learnt from already.
-    pub fn observations(&mut self, new: &[bool], into: &mut [f32]) {
+    pub fn observations(&mut self, new: &[bool], into: &mut [f32]) -> Result<()> {
+        self.check_length("new", new.len())?;
         self.raw_observations(into);
         if let Some(normaliser) = &mut self.normaliser {
             let size = self.setup.observation_size();
@@ -132,9 +133,11 @@ impl Batch {
             normaliser.see(&rows);
             normaliser.normalise(into);
         }
+        Ok(())
     }
 
-    fn raw_observations(&self, into: &mut [f32]) {
+    /// Copies the newest observations as they are, (N, observation size).
+    pub fn raw_observations(&self, into: &mut [f32]) {
         for (block, slot) in self.blocks.iter().zip(into.chunks_mut(self.width * self.observation_size())) {
             slot.copy_from_slice(&block.observations()[..slot.len()]);
         }
@@ -188,6 +191,20 @@ impl Batch {
         self.setup.difficulty
     }
 
+    /// Env steps of an episode at most; `None` without a limit.
+    pub fn most_steps(&self) -> Option<u64> {
+        self.setup.most_steps()
+    }
+
+    /// Ends episodes, those that run too, after so many env steps, in place of `scenario.duration_s`; `None` never.
+    pub fn set_most_steps(&mut self, steps: Option<u64>) -> Result<()> {
+        if let Some(steps) = steps {
+            within(1.0, f64::MAX).check("max_episode_steps", steps as f64, "")?;
+        }
+        self.setup.set_most_steps(steps);
+        Ok(())
+    }
+
     /// Keys of the randomised parameters.
     pub fn randomised(&self) -> impl Iterator<Item = &str> {
         self.setup.randomiser.iter().flat_map(Randomiser::keys)
@@ -229,7 +246,10 @@ impl Batch {
     /// Records environment `index` at 200 Hz from its next reset on, and no other any longer.
     pub fn record(&mut self, index: usize) -> Result<()> {
         self.check_index(index)?;
-        let bytes = self.setup.most_samples().saturating_mul(size_of::<Row>() as u64);
+        let samples = self.setup.most_samples().ok_or_else(|| {
+            Error::Invalid(format!("record({index}) needs episodes with an end: max_episode_steps must not be None"))
+        })?;
+        let bytes = samples.saturating_mul(size_of::<Row>() as u64);
         memory::check(
             &format!("record({index}) of scenario.duration_s = {} s", self.setup.config.scenario.duration_s),
             bytes,

@@ -86,6 +86,7 @@ pub struct Setup {
     uneven: bool,
     action: ActionMap,
     observation: ObservationMap,
+    /// Control sample that ends an episode; `u64::MAX` none does.
     last_sample: u64,
     /// Of samples under way through a walker's sensors, at most.
     most_sensor_bytes: usize,
@@ -126,9 +127,20 @@ impl Setup {
         self.action.size()
     }
 
-    /// Samples of a whole episode, and the one that it starts with.
-    pub fn most_samples(&self) -> u64 {
-        self.last_sample + self.config.action.hold as u64
+    /// Samples of a whole episode, and the one that it starts with; `None` without a limit.
+    pub fn most_samples(&self) -> Option<u64> {
+        (self.last_sample < u64::MAX).then(|| self.last_sample.saturating_add(self.config.action.hold as u64))
+    }
+
+    /// Env steps of an episode at most; `None` without a limit.
+    pub fn most_steps(&self) -> Option<u64> {
+        (self.last_sample < u64::MAX).then(|| self.last_sample.div_ceil(self.config.action.hold as u64))
+    }
+
+    /// Ends episodes after so many env steps, in place of `scenario.duration_s`; `None` never.
+    pub fn set_most_steps(&mut self, steps: Option<u64>) {
+        let hold = self.config.action.hold as u64;
+        self.last_sample = steps.map_or(u64::MAX, |steps| steps.saturating_mul(hold));
     }
 
     fn frame_size(&self) -> usize {

@@ -34,6 +34,10 @@ def unmasked(infos: dict[str, Any]) -> dict[str, Any]:
         if key.startswith("_") or not infos[f"_{key}"].any():
             continue
         kept[key] = unmasked(value) if isinstance(value, dict) else value
+        if key == "final_obs" and value.dtype == object:  # ours are numbers, as most pipelines want them
+            kept[key] = np.stack(
+                [np.zeros_like(value[infos["_final_obs"]][0]) if row is None else row for row in value]
+            )
         kept[f"_{key}"] = infos[f"_{key}"]
     return kept
 

@@ -11,6 +11,8 @@ import pytest
 from comparing import assert_same_steps, play, random_actions
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
+from prosthesis_gym import TerminationReason
+
 MODES = list(AutoresetMode)
 WALKERS, STEPS = 4, 700
 # Some pushes bring the walker down within the 3 s; in the other episodes, time runs out.
@@ -63,7 +65,7 @@ def test_next_step_ignores_the_action_of_the_step_that_resets(env_id: str) -> No
             truncated = envs.step(np.zeros((2, 1), dtype=np.float32))[3]
         assert truncated.all()
         observations, rewards, terminated, truncated, infos = envs.step(np.full((2, 1), last_action))
-        assert not (terminated | truncated | infos["_reward_terms"]).any()
+        assert not (terminated | truncated | infos["_reward_alive"]).any()
         assert (rewards == 0.0).all()
         outcomes.append(observations)
     np.testing.assert_array_equal(*outcomes)
@@ -78,9 +80,9 @@ def test_same_step_keeps_the_last_observation_of_the_old_episode_and_gives_the_f
         actions = np.full((2, 1), 0.3, dtype=np.float32)
         observations, *_, infos = envs.step(actions)
         last = twin.step(actions)[0]
-    np.testing.assert_array_equal(np.stack(infos["final_obs"]), last)
+    np.testing.assert_array_equal(infos["final_obs"], last)
     np.testing.assert_array_equal(observations, twin.reset()[0])
-    assert infos["final_info"]["termination_reason"].tolist() == ["time_limit"] * 2
+    assert infos["final_info"]["termination_reason"].tolist() == [TerminationReason.TIME_LIMIT] * 2
 
 
 def test_disabled_wants_a_reset_of_what_has_ended_and_of_nothing_else(env_id: str) -> None:
@@ -110,7 +112,8 @@ def test_what_a_step_handed_out_may_be_changed_without_consequence(env_id: str) 
         ours, theirs = spoilt.step(actions), kept.step(actions)
         assert_same_steps([ours], [theirs])
         observations, rewards, terminated, truncated, infos = ours
-        for array in (observations, rewards, terminated, truncated, infos["_reward_terms"]):
+        for array in (observations, rewards, terminated, truncated, infos["_reward_alive"]):
             array[...] = 1
-        for array in infos["reward_terms"].values():
-            array[...] = 1
+        for key, array in infos.items():
+            if key.startswith("reward_") or key == "termination_reason":
+                array[...] = 1

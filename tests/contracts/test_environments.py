@@ -10,7 +10,8 @@ from gymnasium.utils.env_checker import check_env
 from numpy.typing import NDArray
 from stable_baselines3.common.env_checker import check_env as sb3_check_env
 
-from prosthesis_gym import ProsthesisVectorEnv, _core
+from prosthesis_gym import ProsthesisVectorEnv, TerminationReason, _core
+from prosthesis_gym.devices import DEVICES
 
 
 def test_gymnasium_check_env_passes(env_id: str) -> None:
@@ -43,7 +44,7 @@ def test_every_end_has_a_reason_and_the_time_limit_truncates(env_id: str) -> Non
         *_, terminated, truncated, info = env.step(np.zeros(1, dtype=np.float32))
         assert not terminated
         assert truncated == (step == 100)
-    assert info["termination_reason"] == "time_limit"
+        assert info["termination_reason"] == (TerminationReason.TIME_LIMIT if truncated else TerminationReason.NONE)
 
     falling = gymnasium.make(env_id, config={"action": {"mode": "constant"}, "state_machine": {"recovery": False}})
     reasons = set()
@@ -53,8 +54,8 @@ def test_every_end_has_a_reason_and_the_time_limit_truncates(env_id: str) -> Non
         while not (terminated or truncated):
             *_, terminated, truncated, info = falling.step(np.zeros(1, dtype=np.float32))
         reasons.add(info["termination_reason"])
-        assert terminated == (info["termination_reason"] != "time_limit")
-    assert "hip_height" in reasons
+        assert terminated == (info["termination_reason"] != TerminationReason.TIME_LIMIT)
+    assert TerminationReason.HIP_HEIGHT in reasons
 
 
 @pytest.mark.parametrize(
@@ -97,7 +98,7 @@ def test_reward_is_the_weighted_sum_of_its_logged_terms(env_id: str) -> None:
     seen = dict.fromkeys(_core.TERMS, 0.0)
     for _ in range(1500):
         _, rewards, _, _, infos = envs.step(random_actions(rng, 8))
-        terms = infos["reward_terms"]
+        terms = {name: infos[f"reward_{name}"] for name in weights}
         np.testing.assert_allclose(rewards, sum(weights[name] * terms[name] for name in weights), atol=1e-12)
         for name in seen:
             seen[name] += float(np.abs(terms[name]).sum())
@@ -143,3 +144,39 @@ def test_zero_residual_is_the_state_machine() -> None:
     for _ in range(500):
         actions = np.zeros((4, 1), dtype=np.float32)
         np.testing.assert_array_equal(residual.step(actions)[0], machine.step(actions)[0])
+
+
+def test_a_configuration_of_another_knee_is_refused(env_id: str) -> None:
+    env = gymnasium.make(env_id)
+    kind = env.unwrapped.config["device"]["kind"]  # type: ignore[attr-defined] # ours
+    for make in (gymnasium.make, gymnasium.make_vec):
+        make(env_id, config={"device": {"kind": kind}})
+        for other, known in DEVICES.items():
+            if other != kind:
+                with pytest.raises(ValueError, match=f"'{other}'.*'{kind}'.*{known.env_id}"):
+                    make(env_id, config={"device": {"kind": other}})
+
+
+def test_closed_environments_refuse_everything_but_to_be_closed(env_id: str) -> None:
+    envs: list[Any] = [gymnasium.make(env_id, render_mode="rgb_array"), gymnasium.make_vec(env_id, 2)]
+    for env in envs:
+        env.reset(seed=0)
+        state = env.unwrapped.get_state()
+        env.close()
+        env.close()
+        calls: list[Any] = [
+            env.reset,
+            lambda env=env: env.step(np.zeros(env.action_space.shape, np.float32)),
+            env.render,
+            env.unwrapped.get_state,
+            lambda env=env, state=state: env.unwrapped.set_state(state),
+        ]
+        for call in calls:
+            with pytest.raises(ValueError, match="closed"):
+                call()
+
+
+def test_reasons_have_names() -> None:
+    assert [reason.name.lower() for reason in TerminationReason] == _core.REASONS
+    assert [int(reason) for reason in TerminationReason] == list(range(len(_core.REASONS)))
+    assert TerminationReason(int(np.int64(4))).name == "TIME_LIMIT"

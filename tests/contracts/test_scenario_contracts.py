@@ -9,7 +9,7 @@ from comparing import assert_same_steps, play, random_actions
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
-from prosthesis_gym import SCENARIOS, ProsthesisVectorEnv
+from prosthesis_gym import SCENARIOS, ProsthesisVectorEnv, TerminationReason
 
 WALKERS, STEPS, EPISODE = 8, 300, 120
 #: An env step is 20 ms. Gymnasium's TimeLimit is not used: it truncates what falls in the last step too.
@@ -52,7 +52,7 @@ def test_random_walkers_stay_in_their_spaces_and_repeat_by_seed(
         assert (ages <= EPISODE).all()
         np.testing.assert_array_equal(truncated, (ages == EPISODE) & ~terminated)
         ended = terminated | truncated
-        told = infos.get("final_info", infos).get("_termination_reason", np.zeros(WALKERS, dtype=bool))
+        told = infos.get("final_info", infos)["termination_reason"] != TerminationReason.NONE
         np.testing.assert_array_equal(told, ended)
         ends += int(ended.sum())
         if mode == AutoresetMode.NEXT_STEP:

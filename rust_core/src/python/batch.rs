@@ -62,7 +62,7 @@ impl PyBatch {
         let config = read_config(config)?;
         let batch = py.detach(|| guarded(|| Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))))?;
         Ok(Self {
-            outputs: Outputs::new(py),
+            outputs: Outputs::default(),
             shape: Shape { num_envs, observation_size: batch.observation_size(), autoreset },
             bytes: batch.bytes(),
             bytes_per_walker: batch.bytes_per_walker(),
@@ -119,17 +119,30 @@ impl PyBatch {
         let all = vec![true; if mask.is_none() { self.shape.num_envs } else { 0 }];
         let seeds = seeds.as_ref().map(Input1::entries).transpose()?;
         let mask = mask.as_ref().map(Input1::entries).transpose()?.unwrap_or(&all);
-        let observations = zeros(py, [self.shape.num_envs, self.shape.observation_size])?;
-        {
-            let mut written = observations.readwrite();
-            let into = written.as_slice_mut()?;
-            self.with(py, |batch| {
-                batch.reset(seeds, mask)?;
-                batch.observations(mask, into);
-                Ok(())
-            })?;
-        }
-        Ok(observations)
+        self.newest(py, |batch, into| {
+            batch.reset(seeds, mask)?;
+            batch.observations(mask, into)
+        })
+    }
+
+    /// The newest observations. Statistics learn from those in the mask `new` (N,), by default from none.
+    #[pyo3(signature = (new = None))]
+    fn observations<'py>(
+        &self,
+        py: Python<'py>,
+        new: Option<Input1<'py, bool>>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let none = vec![false; if new.is_none() { self.shape.num_envs } else { 0 }];
+        let new = new.as_ref().map(Input1::entries).transpose()?.unwrap_or(&none);
+        self.newest(py, |batch, into| batch.observations(new, into))
+    }
+
+    /// The newest observations as they are, normalised or not.
+    fn raw_observations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        self.newest(py, |batch, into| {
+            batch.raw_observations(into);
+            Ok(())
+        })
     }
 
     fn step(&self, py: Python<'_>, actions: Input1<'_, f64>) -> PyResult<PyStep> {
@@ -186,6 +199,20 @@ impl PyBatch {
         })
     }
 
+    /// Whether observations change the moments.
+    #[getter]
+    fn learns(&self, py: Python<'_>) -> PyResult<bool> {
+        self.glance(py, |batch| Ok(batch.normaliser.as_ref().ok_or_else(not_normalised)?.learns))
+    }
+
+    #[setter]
+    fn set_learns(&self, py: Python<'_>, learns: bool) -> PyResult<()> {
+        self.glance(py, |batch| {
+            batch.normaliser.as_mut().ok_or_else(not_normalised)?.learns = learns;
+            Ok(())
+        })
+    }
+
     /// What was drawn for the episode that runs in each environment: one array per quantity.
     fn episodes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (starts, columns) = self.with(py, |batch| Ok(episode_columns(batch)))?;
@@ -206,6 +233,17 @@ impl PyBatch {
     #[setter]
     fn set_difficulty(&self, py: Python<'_>, difficulty: f64) -> PyResult<()> {
         self.glance(py, |batch| batch.set_difficulty(difficulty))
+    }
+
+    /// Env steps of an episode at most; `None` without a limit.
+    #[getter]
+    fn max_episode_steps(&self, py: Python<'_>) -> PyResult<Option<u64>> {
+        self.glance(py, |batch| Ok(batch.most_steps()))
+    }
+
+    #[setter]
+    fn set_max_episode_steps(&self, py: Python<'_>, steps: Option<u64>) -> PyResult<()> {
+        self.glance(py, |batch| batch.set_most_steps(steps))
     }
 
     fn get_state<'py>(&self, py: Python<'py>, indices: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyBytes>> {
@@ -267,6 +305,21 @@ impl PyBatch {
 }
 
 impl PyBatch {
+    /// Observations (N, D) that `work` writes.
+    fn newest<'py>(
+        &self,
+        py: Python<'py>,
+        work: impl FnOnce(&mut Batch, &mut [f32]) -> Result<()> + Send,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let observations = zeros(py, [self.shape.num_envs, self.shape.observation_size])?;
+        {
+            let mut written = observations.readwrite();
+            let into = written.as_slice_mut()?;
+            self.with(py, |batch| work(batch, into))?;
+        }
+        Ok(observations)
+    }
+
     /// Does `work` on the batch when it is this thread's turn.
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Batch) -> Result<T> + Send) -> PyResult<T> {
         Ok(py.detach(|| self.batch.with(work))?)

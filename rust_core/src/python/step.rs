@@ -3,7 +3,6 @@
 use numpy::ndarray::{Ix1, Ix2};
 use numpy::{PyArray, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyString;
 
 use std::sync::{Mutex, PoisonError};
 
@@ -13,7 +12,6 @@ use crate::environment::Autoreset;
 use crate::reward::TERMS;
 use crate::shared::Shared;
 use crate::step_output::StepOutput;
-use crate::termination::REASONS;
 
 /// Declares the arrays of a step: one row per environment.
 macro_rules! arrays {
@@ -56,7 +54,6 @@ arrays! {
     truncated: bool, Ix1,
     terms: f64, Ix2,
     reasons: u8, Ix1,
-    termination_reasons: Py<PyAny>, Ix1,
     started: bool, Ix1,
     episode_returns: f64, Ix1,
     episode_steps: u32, Ix1,
@@ -75,23 +72,17 @@ pub(super) struct Shape {
 }
 
 /// Arrays of the last steps. Fresh ones for each step would cost page faults in large batches, allocations in small ones.
+#[derive(Default)]
 pub(super) struct Outputs {
     /// Nobody who holds this runs Python code: that might come back here.
     kept: Mutex<Vec<Arrays>>,
-    /// [`REASONS`]; None is none.
-    reasons: Vec<Py<PyAny>>,
 }
 
 impl Outputs {
-    pub fn new(py: Python<'_>) -> Self {
-        let named = REASONS[1..].iter().map(|name| PyString::intern(py, name).into_any().unbind());
-        Self { kept: Mutex::default(), reasons: std::iter::once(py.None()).chain(named).collect() }
-    }
-
     /// Advances every environment of `batch`, and hands out what that gives.
     pub fn step(&self, py: Python<'_>, batch: &Shared<Batch>, shape: Shape, actions: &[f64]) -> PyResult<PyStep> {
         let mut arrays = self.take(py).unwrap_or_else(|| Arrays::new(py, shape));
-        let eventful = arrays.fill(py, batch, actions, &self.reasons)?;
+        let eventful = arrays.fill(py, batch, actions)?;
         let step = arrays.share(py, eventful);
         self.keep(arrays);
         Ok(step)
@@ -127,7 +118,6 @@ impl Arrays {
             truncated: Recycled::zeros(py, column),
             terms: Recycled::zeros(py, terms),
             reasons: Recycled::zeros(py, column),
-            termination_reasons: Recycled::zeros(py, column),
             started: Recycled::zeros(py, column),
             final_observations: finals.then(|| Recycled::zeros(py, observations)),
             episode_returns: Recycled::zeros(py, column),
@@ -137,7 +127,7 @@ impl Arrays {
     }
 
     /// Returns whether any environment was reset or ended.
-    fn fill(&mut self, py: Python<'_>, batch: &Shared<Batch>, actions: &[f64], names: &[Py<PyAny>]) -> PyResult<bool> {
+    fn fill(&mut self, py: Python<'_>, batch: &Shared<Batch>, actions: &[f64]) -> PyResult<bool> {
         let finals = self.final_observations.as_mut().map(|finals| finals.entries(py)).transpose()?;
         let mut output = StepOutput {
             observations: self.observations.entries(py)?,
@@ -153,13 +143,6 @@ impl Arrays {
             episode_terms: self.episode_terms.entries(py)?,
         };
         py.detach(|| batch.with(|batch| batch.step(actions, output.reborrow())))?;
-        for (named, &reason) in self.termination_reasons.entries(py)?.iter_mut().zip(&*output.reasons) {
-            let name = &names[usize::from(reason)];
-            if !named.is(name) {
-                // Dropped after the exchange: what somebody has put here may run code of its own when it goes.
-                drop(std::mem::replace(named, name.clone_ref(py)));
-            }
-        }
         Ok(output.started.contains(&true) || output.reasons.iter().any(|&reason| reason != 0))
     }
 }
