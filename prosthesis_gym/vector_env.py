@@ -235,7 +235,8 @@ class ProsthesisVectorEnv(VectorEnv[Observations, NDArray[np.floating[Any]], NDA
         """Advance all environments by one action of `action.hold` control periods.
 
         Args:
-            actions: (N, 1), or (N, 3) in mode "impedance", float32 or float64, limited to [-1, 1], infinite ones too; NaN is an error.
+            actions: (N, 1), or (N, 3) in mode "impedance", float32 or float64, limited to [-1, 1],
+                infinite ones too; NaN is an error.
 
         Returns:
             Observations (N, frames * channels) float32, rewards (N,) float64, terminated and truncated (N,) bool,

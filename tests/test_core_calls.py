@@ -60,7 +60,7 @@ def test_environments_limit_infinite_actions(kind: Any) -> None:  # noqa: ANN401
         told.append((single.step(np.full(1, action, kind))[0], vector.step(np.full((3, 1), action, kind))[0]))
         for env, shape in ((single, (1,)), (vector, (3, 1))):
             with pytest.raises(ValueError, match="NaN"):
-                env.step(np.full(shape, np.nan, kind))  # type: ignore[union-attr]
+                env.step(np.full(shape, np.nan, kind))
     np.testing.assert_array_equal(told[0][0], told[1][0])
     np.testing.assert_array_equal(told[0][1], told[1][1])
 

@@ -1,4 +1,4 @@
-"""Whatever a caller gives to the core works, or is an exception that `except Exception` catches; it never ends the process.
+"""Whatever a caller gives to the core works, or is an exception that `except Exception` catches, and ends no process.
 
 Panics, aborts and lack of memory would: what could bring them about runs in processes of its own.
 """
