@@ -207,7 +207,7 @@ class Batch:
         """Return which of them had ended and start anew, as with autoreset "same_step" they do."""
 
     def record(self, index: int) -> None:
-        """Record environment `index` at 200 Hz from its next reset on, and no other any longer: the last call counts."""
+        """Record environment `index` at 200 Hz from its next reset on, and no other: the last call counts."""
 
     def recording(self) -> dict[str, NDArray[np.float64]]:
         """Return what has been recorded since the last reset of the recorded environment: one array per column."""

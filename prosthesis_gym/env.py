@@ -177,6 +177,8 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
     def step(self, action: NDArray[np.floating[Any]]) -> tuple[Observations, float, bool, bool, dict[str, Any]]:
         """Advance by one action of `action.hold` control periods: (1,) float32 or float64, (3,) in mode "impedance".
 
+        Numbers beyond [-1, 1] are limited, infinite ones too.
+
         Raises:
             ValueError: wrong shape or dtype, NaN, or the episode has ended.
 

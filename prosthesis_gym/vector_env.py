@@ -33,7 +33,7 @@ def env_steps_per_s(config: Mapping[str, Any]) -> int:
 
 
 def check_actions(actions: object, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """Return actions as a flat float64 array; that they are finite, the core checks.
+    """Return actions as a flat float64 array; that none is NaN, the core checks.
 
     Raises:
         ValueError: wrong shape or not floating point.
@@ -246,7 +246,8 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
         """Advance all environments by one action of `action.hold` control periods.
 
         Args:
-            actions: (N, 1), or (N, 3) in mode "impedance", float32 or float64, limited to [-1, 1].
+            actions: (N, 1), or (N, 3) in mode "impedance", float32 or float64, limited to [-1, 1],
+                infinite ones too; NaN is an error.
 
         Returns:
             Observations (N, frames * channels) float32, rewards (N,) float64, terminated and truncated (N,) bool,

@@ -1,4 +1,4 @@
-"""Nothing that a caller gives to the core may end the process: it works, or is an exception that `except Exception` catches.
+"""Whatever a caller gives to the core works, or is an exception that `except Exception` catches, and ends no process.
 
 Panics, aborts and lack of memory would: what could bring them about runs in processes of its own.
 """
@@ -38,7 +38,9 @@ def refused(call):
         print(type(error).__name__, error)
     else:
         raise SystemExit("was accepted")
-wide = {"observation": {"frames": 64, "groups": ["knee", "load", "shank", "shank_force", "thigh", "ankle", "command", "phase", "privileged"]}}
+groups = ["knee", "load", "shank", "shank_force", "thigh", "ankle", "command", "phase", "privileged"]
+wide = {"observation": {"frames": 64, "groups": groups}}
+tiny_foot = {"solver": {"stepper": "rk4"}, "tube": {"connection": "compliant"}, "body": {"foot_mass_kg": 1e-300}}
 itself = {}
 itself["scenario"] = {"variants": [itself]}
 deep = 1.0
@@ -68,7 +70,7 @@ FATAL = {
     "_core.resolve({'scenario': {'push_n': {'choice': range(10**13)}}})": "values",
     "_core.resolve({'solver': {'steps': 10**400}})": "steps",
     "_core.Batch(1, {'solver': {'stepper': 'rk4'}, 'socket': {'connection': 'compliant', 'tilt_rad': 1e-300}})": "rk4",
-    "_core.Batch(1, {'solver': {'stepper': 'rk4'}, 'tube': {'connection': 'compliant'}, 'body': {'foot_mass_kg': 1e-300}})": "rk4",
+    "_core.Batch(1, tiny_foot)": "rk4",
     "batch.get_state(range(10**15))": "indices",
     "batch.set_state(batch.get_state([0]), range(10**15))": "indices",
     "batch.get_state([3])": "index = 3",
@@ -176,7 +178,9 @@ def arrays(draw: st.DrawFn, *lengths: int) -> Any:  # noqa: ANN401 - anything
         if array.size and kind in (np.float64, np.float32):
             array.flat[draw(st.integers(0, array.size - 1))] = fill
     if draw(st.integers(0, 5)) == 0:
-        return draw(st.sampled_from([array.T, array[..., ::-1], array[::2], array.tolist(), None]) if array.ndim else JUNK)
+        return draw(
+            st.sampled_from([array.T, array[..., ::-1], array[::2], array.tolist(), None]) if array.ndim else JUNK
+        )
     array.flags.writeable = draw(st.integers(0, 5)) > 0
     return array
 

@@ -1,6 +1,6 @@
-"""A walker with a drawn parameter is the walker that is configured with it, bit for bit, for every parameter that can be drawn.
+"""A walker with a drawn parameter is the one that is configured with it, bit for bit, whatever parameter is drawn.
 
-A parameter that would change nothing for a leg cannot be drawn for it, so what is drawn also differs from the nominal walker.
+What would change nothing for a leg cannot be drawn for it, so what is drawn also differs from the nominal walker.
 """
 
 import re
@@ -79,12 +79,27 @@ VALUES: dict[str, float] = {
     "human.standing_trunk_limit_nm_kg": 0.02,
     "termination.hip_height_m": 0.85,
 }
-IMPERFECTIONS = {"resolution": 0.05, "noise": 0.05, "bias": 0.05, "delay_samples": 3, "drop_out": 0.3, "saturation": 0.1}
-SAME_FOR_ALL = {
-    *("body.sole_points", "termination.knee_hyperextension_deg", "termination.knee_flexion_deg", "termination.ankle_deg"),
+IMPERFECTIONS = {
+    "resolution": 0.05,
+    "noise": 0.05,
+    "bias": 0.05,
+    "delay_samples": 3,
+    "drop_out": 0.3,
+    "saturation": 0.1,
 }
-#: What acts on walkers that come to a stop and stand.
-STANDING = {"human.standing_filter_delay_s", "human.standing_hip_limit_nm_kg", "human.stop_distance_m", "human.stop_lift_m"}
+SAME_FOR_ALL = {
+    *(
+        "body.sole_points",
+        "termination.knee_hyperextension_deg",
+        "termination.knee_flexion_deg",
+        "termination.ankle_deg",
+    ),
+}
+#: What acts on walkers that stop, stand, stumble or sit down, which takes long walks.
+LATE = {
+    *("human.standing_filter_delay_s", "human.standing_hip_limit_nm_kg", "human.stop_distance_m", "human.stop_lift_m"),
+    *("human.hip_limit_nm_kg", "human.shortest_state_s", "end_stop.flexion_angle_deg"),
+}
 #: Where the parameters of worlds other than the usual one begin.
 HOMES: dict[str, tuple[str, ...]] = {
     "terrain": ("ground.", "sensors.thigh_imu_m", "sensors.shank_imu_m"),
@@ -161,7 +176,7 @@ def draw(key: str, value: float) -> Config:
 
 def modes_for(device: str, key: str) -> list[str]:
     """Return the modes in which a parameter could act: a knee unit's own, in all."""
-    if key.split(".")[0] not in ("knee", "motor", "friction_knee"):
+    if key.partition(".")[0] not in ("knee", "motor", "friction_knee"):
         return ["residual"]
     return [mode for mode in MODES if mode != "impedance" or device == "motor"]
 
@@ -171,9 +186,8 @@ def refused(config: Config, key: str, value: float) -> bool:
     try:
         resolve(merge(config, draw(key, value)))
     except ValueError as error:
-        if "would change nothing" not in str(error):
+        if f'"{key}": would change nothing' not in str(error):
             raise
-        assert key in str(error)
         return True
     return False
 
@@ -186,7 +200,12 @@ def keys_of(world: str) -> list[str]:
 
 @pytest.mark.parametrize(
     ("world", "device"),
-    [*(("usual", device) for device in DEVICES), ("terrain", "damper"), ("general", "damper"), ("inverse hip", "motor")],
+    [
+        *(("usual", device) for device in DEVICES),
+        ("terrain", "damper"),
+        ("general", "damper"),
+        ("inverse hip", "motor"),
+    ],
 )
 def test_what_is_drawn_is_what_is_configured(world: str, device: str) -> None:
     nominal: dict[str, list[NDArray[Any]]] = {}
@@ -207,7 +226,7 @@ def test_what_is_drawn_is_what_is_configured(world: str, device: str) -> None:
             if mode not in nominal:
                 nominal[mode] = walk(config, steps)
             acts |= not equal(told, nominal[mode])
-        if not acts and not (steps == 300 and key in STANDING):
+        if not acts and not (steps == 300 and key in LATE):
             idle.append(key)
     assert not idle
 

@@ -1,4 +1,4 @@
-"""What is drawn is checked as what is configured is, when the environment is made: every walker that may be drawn is possible."""
+"""What is drawn is checked as what is configured is, when the environment is made: whoever may be drawn is possible."""
 
 import re
 from typing import Any
@@ -126,7 +126,9 @@ def test_impossible_walkers_are_refused_by_key_and_value(case: str) -> None:
         drawn({"body.sole_radius_m": [0.1, 0.3]}, {"body": {"sole_points": 5, "sole_radius_m": 0.2}}),
         drawn({"end_stop.extension_angle_deg": [-4.0, 4.0], "end_stop.flexion_angle_deg": [70.0, 120.0]}),
         drawn({"human.thigh_flexion_deg": [5.0, 25.0]}),
-        drawn({"body.heel_x_m": [-0.04, 0.0], "human.thigh_flexion_deg": [15.0, 30.0], "body.foot_mount_deg": [0.0, 8.0]}),
+        drawn(
+            {"body.heel_x_m": [-0.04, 0.0], "human.thigh_flexion_deg": [15.0, 30.0], "body.foot_mount_deg": [0.0, 8.0]}
+        ),
         drawn({key: [0.95 * value, 1.05 * value] for key, value in LENGTHS.items()}),
     ],
 )
@@ -180,10 +182,10 @@ def boxes(draw: st.DrawFn) -> Config:
         *("end_stop.extension_angle_deg", "end_stop.flexion_angle_deg", "end_stop.thickness_deg"),
         *("ground.stair_rise_m", "ground.stair_run_m", "ground.edge_m"),
     ]
-    keys = draw(st.lists(st.sampled_from(coupled) | st.sampled_from(sorted(RANDOMISABLE)), min_size=1, max_size=4, unique=True))
-    return drawn(
-        {key: draw(RANDOMISABLE[key]) for key in keys}, {"body": {"sole_points": 4, "sole_radius_m": 0.2}}
+    keys = draw(
+        st.lists(st.sampled_from(coupled) | st.sampled_from(sorted(RANDOMISABLE)), min_size=1, max_size=4, unique=True)
     )
+    return drawn({key: draw(RANDOMISABLE[key]) for key in keys}, {"body": {"sole_points": 4, "sole_radius_m": 0.2}})
 
 
 @given(boxes(), st.sampled_from([0.0, 0.25, 0.8, 1.0]))

@@ -14,7 +14,12 @@ from prosthesis_gym import ProsthesisVectorEnv, _core
 pytestmark = pytest.mark.timeout(120)
 
 CONFIG: dict[str, Any] = {
-    "scenario": {"duration_s": 1.0, "push_n": 400.0, "push_s": [0.2, 0.8], "randomise": {"ground.slope_deg": [-2.0, 2.0]}}
+    "scenario": {
+        "duration_s": 1.0,
+        "push_n": 400.0,
+        "push_s": [0.2, 0.8],
+        "randomise": {"ground.slope_deg": [-2.0, 2.0]},
+    }
 }
 WALKERS, STEPS = 64, 300
 
@@ -29,7 +34,7 @@ def steps(batch: _core.Batch) -> list[NDArray[Any]]:
 
 
 def hammer(calls: list[Callable[[], object]], work: Callable[[], Any]) -> tuple[Any, list[int]]:
-    """Do `work` while a thread per call makes that call over and over; return its result and how often each was made."""
+    """Do `work` while a thread per call makes that call over and over; return its result and how often each did."""
     done = threading.Event()
     faults: list[BaseException] = []
     counts = [0] * len(calls)
@@ -39,7 +44,7 @@ def hammer(calls: list[Callable[[], object]], work: Callable[[], Any]) -> tuple[
             while not done.is_set():
                 calls[index]()
                 counts[index] += 1
-        except BaseException as fault:  # noqa: BLE001 - a panic too
+        except BaseException as fault:  # a panic too
             faults.append(fault)
 
     threads = [threading.Thread(target=repeat, args=(index,)) for index in range(len(calls))]
@@ -128,7 +133,9 @@ def test_difficulty_of_an_environment_can_be_read_while_it_steps() -> None:
     envs = ProsthesisVectorEnv(WALKERS, CONFIG)
     envs.reset(seed=0)
     action = np.zeros((WALKERS, 1), dtype=np.float32)
-    _, counts = hammer([lambda: envs.difficulty, lambda: envs.get_state([3])], lambda: [envs.step(action) for _ in range(200)])
+    _, counts = hammer(
+        [lambda: envs.difficulty, lambda: envs.get_state([3])], lambda: [envs.step(action) for _ in range(200)]
+    )
     assert min(counts) > 0
 
 

@@ -5,6 +5,8 @@ A fork copies no threads: a pool that a child inherits never answers. Time limit
 
 import multiprocessing
 import os
+import threading
+import time
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -15,7 +17,7 @@ from comparing import assert_same_steps, play, random_actions
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
-from prosthesis_gym import ProsthesisVectorEnv
+from prosthesis_gym import ProsthesisVectorEnv, _core
 
 # A fork of a process with threads (rayon's, torch's) warns from Python 3.12 on; that it works is what is tested.
 pytestmark = [pytest.mark.timeout(120), pytest.mark.filterwarnings("ignore:.*multi-threaded:DeprecationWarning")]
@@ -95,3 +97,42 @@ def test_a_fork_goes_on_with_walkers_whose_pool_has_run() -> None:
     for observations in inherited:
         np.testing.assert_array_equal(observations, envs.step(actions)[0])
     np.testing.assert_array_equal(fresh, wake_pool().step(actions)[0])
+
+
+@pytest.mark.skipif("fork" not in START_METHODS, reason="needs fork")
+def test_a_fork_in_the_middle_of_a_step_is_an_error_in_the_child_and_no_hang() -> None:
+    """The turn of a thread that is not in the child would never end there; new environments work."""
+    slow = {"solver": {"stepper": "rk4", "steps": 10_000}, "action": {"hold": 200}}
+    batch = _core.Batch(8, slow, threads=1)
+    batch.reset(np.arange(8, dtype=np.uint64))
+    begins = threading.Event()
+
+    def step() -> None:
+        begins.set()
+        batch.step(np.zeros(8))
+
+    thread = threading.Thread(target=step, daemon=True)
+    thread.start()
+    begins.wait()
+    time.sleep(0.1)
+    assert thread.is_alive()
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    child = multiprocessing.get_context("fork").Process(target=_use_in_child, args=(batch, sender))
+    child.start()
+    assert thread.is_alive(), "the step ended before the fork"
+    refused, answer = receiver.recv()
+    child.join()
+    assert refused.count("make a new one") == 3
+    assert answer == (64, 8)
+
+
+def _use_in_child(batch: _core.Batch, sender: Connection) -> None:
+    refused = []
+    for call in (lambda: batch.difficulty, lambda: batch.get_state([0]), lambda: batch.step(np.zeros(8))):
+        try:
+            call()
+        except RuntimeError as error:
+            refused.append(str(error))
+    fresh = _core.Batch(64, {}, threads=2)
+    fresh.reset(np.arange(64, dtype=np.uint64))
+    sender.send((" ".join(refused), fresh.step(np.zeros(64)).observations.shape))
