@@ -143,8 +143,8 @@ class Batch:
     def repeated_periods(self) -> tuple[int, int, int]:
         """Control periods that were integrated again because the solver had diverged, since the batch was made.
 
-        Settled by the same stepper in finer steps, settled by the reference alone, and diverged by all three: only these
-        end an episode as "non_finite".
+        Settled by the same stepper in finer steps, settled by the reference alone, and diverged by all three: only
+        these end an episode as "non_finite".
         """
 
     @property

@@ -303,9 +303,10 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
     ) -> dict[str, Any]:
         """Lay out terms of the reward (N, number of terms) and reasons (N,), 0 where the mask `present` is False."""
         # Not strict: zip would ask the array for one row too many, and that IndexError takes longer than all the rest.
-        info: dict[str, Any] = dict(zip(self.walkers.terms.keys, terms.T, strict=False))
+        info: dict[str, Any] = dict.fromkeys(self._masks, present)
+        info.update(zip(self.walkers.terms.keys, terms.T, strict=False))
         info["termination_reason"] = reasons.astype(np.int64)
-        return info | dict.fromkeys(self._masks, present)
+        return info
 
     def close_extras(self, **_: object) -> None:
         """Close the window, if there is one; whatever is asked of the environments afterwards is an error."""

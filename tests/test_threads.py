@@ -137,21 +137,3 @@ def test_difficulty_of_an_environment_can_be_read_while_it_steps() -> None:
         [lambda: envs.difficulty, lambda: envs.get_state([3])], lambda: [envs.step(action) for _ in range(200)]
     )
     assert min(counts) > 0
-
-
-def test_what_runs_when_arrays_die_may_call_the_batch() -> None:
-    """Code of one's own that an array's end sets off finds the batch free."""
-    batch = _core.Batch(2, {})
-    batch.reset(np.arange(2, dtype=np.uint64))
-
-    class Curious:
-        def __del__(self) -> None:
-            seen.append((batch.difficulty, len(batch.get_state([0])), batch.step(np.zeros(2)).rewards.shape))
-
-    seen: list[Any] = []
-    for _ in range(10):
-        step = batch.step(np.zeros(2))
-        step.termination_reasons[0] = Curious()
-        del step
-        batch.step(np.zeros(2))
-    assert seen

@@ -17,12 +17,12 @@ const BLOCKS_PER_THREAD: usize = 3;
 const PORTIONS: usize = 4;
 /// How long the caller looks whether helpers have finished before it sleeps: falling asleep and waking up takes as long.
 const PATIENCE: Duration = Duration::from_micros(30);
-/// A helper that keeps the caller waiting this long has been taken off its core in the midst of its portion.
-const INTERRUPTED: Duration = Duration::from_micros(150);
-/// The caller then works alone for so many times as long as it has waited: where another process wants the core too, waiting
-/// costs at most a twentieth of the time. At most for `LONGEST_REST`, after which it looks whether the core is free again.
-const REST: u32 = 20;
-const LONGEST_REST: Duration = Duration::from_millis(100);
+/// Time that helpers may have gained of late and lose again before the caller sends them away, s: a few time slices of the system.
+const MOST_CREDIT_S: f64 = 0.005;
+/// The caller then works alone for so many times as long as they have lost beyond it: where another process wants their cores,
+/// helpers cost at most a fortieth of the time. At most for `LONGEST_REST_S`, after which they are tried again.
+const REST: f64 = 40.0;
+const LONGEST_REST_S: f64 = 0.2;
 
 /// Blocks to step, their actions, and where outputs go.
 pub struct Work<'a> {
@@ -81,8 +81,36 @@ pub struct Crew {
     /// The caller's.
     pub scratches: Scratches,
     helpers: Option<Helpers>,
+    gain: Gain,
+}
+
+/// What helpers have gained of late over working alone. One that the system takes off its core in the midst of a portion keeps
+/// the caller waiting for a time slice, and where that happens often it had better work alone.
+#[derive(Debug, Default)]
+struct Gain {
+    seconds: f64,
     /// Until when the caller works alone.
     rests_until: Option<Instant>,
+}
+
+impl Gain {
+    /// Takes note of a step that took `together` s and would have taken `alone` s without helpers.
+    fn note(&mut self, alone: f64, together: f64, now: Instant) {
+        self.seconds = (self.seconds + alone - together).min(MOST_CREDIT_S);
+        if self.seconds < 0.0 {
+            let rest = (-REST * self.seconds).min(LONGEST_REST_S);
+            *self = Self { seconds: 0.0, rests_until: Some(now + Duration::from_secs_f64(rest)) };
+        }
+    }
+
+    /// Whether the caller had better work alone.
+    fn is_negative(&mut self) -> bool {
+        let rests = self.rests_until.is_some_and(|until| Instant::now() < until);
+        if !rests {
+            self.rests_until = None;
+        }
+        rests
+    }
 }
 
 /// Threads beside the caller's, their scratches, what they join, and the process that they live in.
@@ -99,31 +127,40 @@ impl Crew {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         // A caller that looks on would keep a helper from its core, if there are too few.
         let patience = if threads > cores { Duration::ZERO } else { PATIENCE };
-        Self { threads, patience, scratches: Scratches::default(), helpers: None, rests_until: None }
+        Self { threads, patience, scratches: Scratches::default(), helpers: None, gain: Gain::default() }
     }
 
     /// Steps all blocks. Helpers join in when they have woken up; the caller does what they do not get round to.
     pub fn run(&mut self, work: Work<'_>, setup: &Setup) -> Result<()> {
-        let called = self.threads.min(work.blocks.len() / BLOCKS_PER_THREAD);
-        if called < 2 || self.rests_until.is_some_and(|until| Instant::now() < until) {
+        let blocks = work.blocks.len();
+        let called = self.threads.min(blocks / BLOCKS_PER_THREAD);
+        if called < 2 || self.gain.is_negative() {
             work.run(setup, &mut self.scratches);
             return Ok(());
         }
         let work = Mutex::new(work);
         let join = |scratches: &mut Scratches| {
             let next = || work.lock().unwrap_or_else(PoisonError::into_inner).portion(called);
+            let mut done = 0;
             while let Some(portion) = next() {
+                done += portion.blocks.len();
                 portion.run(setup, scratches);
             }
+            done
         };
         let Helpers { pool, shared, scratches, .. } = helpers(&mut self.helpers, self.threads)?;
-        let help = |helper: usize| join(&mut scratches[helper].lock().unwrap_or_else(PoisonError::into_inner));
+        let help = |helper: usize| _ = join(&mut scratches[helper].lock().unwrap_or_else(PoisonError::into_inner));
         let call = || {
             let shared = Arc::clone(shared);
             pool.spawn(move || shared.join(rayon::current_thread_index().unwrap_or(0)));
         };
-        let waited = shared.run(&help, called - 1, call, self.patience, || join(&mut self.scratches));
-        self.rests_until = (waited > INTERRUPTED).then(|| Instant::now() + (REST * waited).min(LONGEST_REST));
+        let (began, mut own) = (Instant::now(), 0);
+        let waited = shared.run(&help, called - 1, call, self.patience, || own = join(&mut self.scratches));
+        if own > 0 {
+            let together = began.elapsed();
+            let alone = together.saturating_sub(waited).as_secs_f64() * blocks as f64 / own as f64;
+            self.gain.note(alone, together.as_secs_f64(), began + together);
+        }
         Ok(())
     }
 }
@@ -212,14 +249,31 @@ mod tests {
     }
 
     #[test]
-    fn a_caller_that_rests_from_waiting_works_alone_and_calls_helpers_again_later() {
+    fn a_caller_whose_helpers_cost_more_than_they_gain_works_alone_and_calls_them_again_later() {
         let expected = walk(&mut Crew::new(1), 40);
         let mut crew = Crew::new(2);
-        crew.rests_until = Some(Instant::now() + Duration::from_secs(3600));
+        crew.gain.rests_until = Some(Instant::now() + Duration::from_secs(3600));
         assert_eq!(walk(&mut crew, 40), expected);
         assert!(crew.helpers.is_none());
-        crew.rests_until = Some(Instant::now());
+        crew.gain.rests_until = Some(Instant::now());
         assert_eq!(walk(&mut crew, 40), expected);
         assert!(crew.helpers.is_some());
+    }
+
+    #[test]
+    fn what_helpers_have_gained_they_may_lose_before_they_are_sent_away() {
+        let (mut gain, now) = (Gain::default(), Instant::now());
+        // Two hundred steps of which each is half a millisecond shorter than alone: credit, but no more than there may be.
+        (0..200).for_each(|_| gain.note(1e-3, 0.5e-3, now));
+        assert_eq!((gain.seconds, gain.rests_until), (MOST_CREDIT_S, None));
+        // An interruption of 3 ms is forgiven, a second one is paid for.
+        gain.note(1e-3, 4e-3, now);
+        assert!(gain.seconds > 0.0 && gain.rests_until.is_none());
+        gain.note(1e-3, 4e-3, now);
+        let rest = gain.rests_until.unwrap() - now;
+        assert!((rest.as_secs_f64() - REST * 1e-3).abs() < 1e-9, "{rest:?}");
+        // However long a helper was away, it is tried again before long.
+        gain.note(1e-3, 2.0, now);
+        assert!((gain.rests_until.unwrap() - now).as_secs_f64() <= LONGEST_REST_S);
     }
 }
