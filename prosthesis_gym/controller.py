@@ -12,7 +12,7 @@ from prosthesis_gym.channels import call_with_channels
 from prosthesis_gym.config import Config, merge, read_config, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.layers import Layer, laid_over
-from prosthesis_gym.scenarios import load_scenario
+from prosthesis_gym.scenarios import read_scenario
 
 Readings: TypeAlias = dict[str, NDArray[np.float64]]
 """Name of a sensor -> its readings (N,), one per walker; SI units, as the names say."""
@@ -51,7 +51,7 @@ def checked(
             instead (`action`, `observation`) is no such setting.
 
     """
-    layers = [Layer({} if scenario is None else load_scenario(scenario), given=False), Layer(read_config(config))]
+    layers = [Layer({} if scenario is None else read_scenario(scenario), given=False), Layer(read_config(config))]
     if controller is not None and not all(callable(getattr(controller, name, None)) for name in ("configure", "act")):
         raise ValueError(f"controller {controller!r} must have the methods configure and act")
     if controller is None:

@@ -1,6 +1,7 @@
 """Configurations laid over one another, where a user's setting that nothing would read is refused.
 
-What a scenario, a reward or a command's own defaults say may serve any knee and any walk. What a user says (a mapping,
+What a scenario, a reward or a command's own defaults say may serve any knee and any walk: what a scenario draws of
+knees that the leg does not have is left out. What a user says (a mapping,
 a file, `--set`) is refused where it has no effect: in the whole configuration, and in what it was laid over with its
 own layer, so that a later layer may replace what it goes with. What turns something off (a force of zero, a start in
 stride) may stand beside the settings of what it turns off: the baseline of a sweep.
@@ -73,6 +74,8 @@ def _of_device(kind: str) -> list[_Use]:
     ]
 
 
+_MOTOR_SENSORS = ("sensors.motor_position", "sensors.motor_speed", "sensors.motor_current")
+
 _USES: Sequence[_Use] = (
     *(use for kind in DEVICES for use in _of_device(kind)),
     _chosen(
@@ -83,7 +86,7 @@ _USES: Sequence[_Use] = (
     _chosen("action.mode", ["direct", "residual", "impedance"], ["action.latch"]),
     # What is wrong with all sensors may be said of a motor's as well, whatever the knee.
     _Use(
-        ["sensors.motor_position", "sensors.motor_speed", "sensors.motor_current"],
+        _MOTOR_SENSORS,
         "device.kind = 'motor'",
         lambda view: view["device.kind"] == "motor",
         ["sensors.knee_encoder"],
@@ -168,9 +171,11 @@ def laid_over(
         ValueError: an impossible configuration, or a setting in a given layer that has no effect.
 
     """
+    configs = [plain(layer.config) for layer in layers]
+    kind = _knee(configs, completed)
     steps: list[Config] = [{}]
-    for layer in layers:
-        steps.append(merge(steps[-1], plain(layer.config)))
+    for layer, config in zip(layers, configs, strict=True):
+        steps.append(merge(steps[-1], config if layer.given else for_knee(config, kind)))
     whole = steps[-1]
     final = _View(resolve(completed(whole) if completed else whole))
     for layer, below in zip(layers, steps[1:], strict=True):
@@ -179,19 +184,54 @@ def laid_over(
     return whole
 
 
+def _knee(configs: Sequence[Config], completed: Callable[[Config], Mapping[str, Any]] | None) -> str:
+    """Return the knee unit that the configurations make up, whatever their scenarios."""
+    whole: Config = {}
+    for config in configs:
+        whole = merge(whole, {name: section for name, section in config.items() if name != "scenario"})
+    kind: str = resolve(completed(whole) if completed else whole)["device"]["kind"]
+    return kind
+
+
+def for_knee(config: Config, kind: str | None = None) -> Config:
+    """Return `config` without what its scenario draws of other knees than `kind`, by default its own."""
+    scenario = config.get("scenario")
+    if not isinstance(scenario, Mapping):
+        return config
+    if kind is None:
+        kind = resolve({name: config[name] for name in ("device",) if name in config})["device"]["kind"]
+    others = [key for other, device in DEVICES.items() if other != kind for key in device.own_keys]
+    others += _MOTOR_SENSORS if kind != "motor" else ()
+    fitting = dict(scenario)
+    if isinstance(drawn := scenario.get("randomise"), Mapping):
+        kept = {name: one for name, one in drawn.items() if not any(_is_part(name, other) for other in others)}
+        fitting["randomise"] = kept
+    if isinstance(variants := scenario.get("variants"), list):
+        fitting["variants"] = [
+            {name: section for name, section in one.items() if name not in others} if isinstance(one, Mapping) else one
+            for one in variants
+        ]
+    return config | {"scenario": fitting}
+
+
+def _is_part(key: str, of: str) -> bool:
+    return key == of or key.startswith(f"{of}.")
+
+
 def _refuse_idle(layer: Layer, below: Config, final: _View, ignored: Sequence[str]) -> None:
     """Raise where a setting of the layer is read neither in `final` nor in `below`, the layers up to this one."""
     complete = _complete_sections(layer.config)
-    for key, shown in _settings(plain(layer.config)):
+    # What is drawn of parts that the leg does not have, the core refuses.
+    for key, value in _entries(plain(layer.config)):
         if key.partition(".")[0] in (*ignored, *complete):
             continue
         for use in _USES:
-            if not any(key == one or key.startswith(f"{one}.") for one in use.keys) or use.holds(final):
+            if not any(_is_part(key, one) for one in use.keys) or use.holds(final):
                 continue
             if any(_names(layer.config, other) for other in use.beside):
                 continue
             if not _holds_below(use, below):
-                raise ValueError(f"{shown} has no effect: it needs {use.needs}{_instead(use, final)}")
+                raise ValueError(f"{key} = {value!r} has no effect: it needs {use.needs}{_instead(use, final)}")
 
 
 def _holds_below(use: _Use, below: Config) -> bool:
@@ -217,7 +257,7 @@ def _complete_sections(config: Mapping[str, Any]) -> list[str]:
 
 
 def _names(config: Mapping[str, Any], key: str) -> bool:
-    return any(name == key or name.startswith(f"{key}.") for name, _ in _entries(config))
+    return any(_is_part(name, key) for name, _ in _entries(config))
 
 
 def _entries(config: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
@@ -228,17 +268,3 @@ def _entries(config: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, 
             yield from _entries(value, key)
         else:
             yield key, value
-
-
-def _settings(config: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the dotted key of every setting, drawn ones included, and how a message shows it."""
-    for key, value in _entries(config):
-        if key == "scenario.randomise" and isinstance(value, Mapping):
-            # What is wrong with sensors is drawn for all there may be, whatever the knee.
-            yield from ((name, f"{name} of {key}") for name in value if not name.startswith("sensors."))
-        elif key == "scenario.variants" and isinstance(value, list):
-            for index, variant in enumerate(value):
-                if isinstance(variant, Mapping):
-                    yield from ((name, f"{name} of {key}[{index}]") for name, _ in _entries(variant))
-        else:
-            yield key, f"{key} = {value!r}"

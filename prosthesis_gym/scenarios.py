@@ -12,7 +12,9 @@ from typing import Any, Final
 from prosthesis_gym.arguments import file_path
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.config import Config, resolve
+from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.files import read_text, read_toml
+from prosthesis_gym.layers import for_knee
 
 _PRESETS = resources.files("prosthesis_gym") / "presets" / "scenario"
 
@@ -30,8 +32,8 @@ _UNDISTURBED: Final = {"start": "standing", "push_n": 0.0}
 _REST_S = 5.0
 
 
-def load_scenario(source: str | Path) -> Config:
-    """Return the partial configuration of a preset, a TOML file or a CSV file.
+def load_scenario(source: str | Path, device: str | None = None) -> Config:
+    """Return the partial configuration of a preset, a TOML file or a CSV file, as it is for one knee unit.
 
     A TOML file holds `[scenario]` and any other section of what a walker meets or is, such as `[ground]`, `[sensors]`
     or `[body]`; a table `[bodies]` with lists `mass_kg` and `height_m` makes every combination a variant of which
@@ -41,11 +43,19 @@ def load_scenario(source: str | Path) -> Config:
 
     Args:
         source: one of `SCENARIOS`, or the path of a .toml or .csv file.
+        device: what it draws of other knee units is left out; by default those are all but its own, or the damper.
 
     Raises:
-        ValueError: no such scenario, a section that is not a scenario's, or an impossible value.
+        ValueError: no such scenario or knee unit, a section that is not a scenario's, or an impossible value.
 
     """
+    if device is not None and device not in DEVICES:
+        raise ValueError(f"device = {device!r} must be one of {', '.join(DEVICES)}")
+    return for_knee(read_scenario(source), device)
+
+
+def read_scenario(source: str | Path) -> Config:
+    """Read a scenario as it is for whatever knee unit: `laid_over` leaves out what it draws of others."""
     if isinstance(source, str) and source in SCENARIOS:
         return _completed(tomllib.loads(_preset_text(str(source))), str(source))
     path = file_path("scenario", source)
@@ -111,7 +121,7 @@ def _complete(config: Config, name: str) -> Config:
     if isinstance(scenario, dict) and "profile" in scenario:
         config = {**config, "scenario": {**_UNDISTURBED, **_with_duration(scenario, name)}}
     try:
-        resolve(config)
+        resolve(for_knee(config))
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
     return config

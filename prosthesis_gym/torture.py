@@ -29,6 +29,8 @@ ROUND_STEPS = 300
 #: Growth of resident memory from the first half of the rounds to the second that is no leak.
 MEMORY_NOISE_MIB = 16.0
 _LOADED_BW = 0.05
+#: Scenarios in which people walk: no integration may diverge in them, whatever actions, sensors and ground are.
+WALKABLE = ("undisturbed", "gusts")
 _MODES = (AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP)
 
 #: Standard deviations and limits that no sensor on the market would be sold with, in each sensor's unit.
@@ -114,6 +116,8 @@ class Report:
     rounds: int = 0
     #: Episodes by knee and by how they ended.
     ends: dict[str, Counter[str]] = field(default_factory=lambda: {device: Counter() for device in DEVICES})
+    #: Control periods that had to be integrated again: settled in finer steps, by the reference alone, by none.
+    repeated_periods: NDArray[np.int64] = field(default_factory=lambda: np.zeros(3, dtype=np.int64))
     #: What went wrong: how, and where first.
     violations: dict[str, str] = field(default_factory=dict)
     #: Resident memory after each round.
@@ -195,6 +199,9 @@ def _endure(ordeal: Round, walkers: int, threads: int | None, report: Report) ->
         observations, *_, infos = outcome
         reasons = infos.get("final_info", infos)["termination_reason"]
         report.ends[ordeal.device].update(_core.REASONS[reason] for reason in reasons[reasons != 0])
+        if ordeal.scenario in WALKABLE and (reasons == TerminationReason.NON_FINITE).any():
+            report.violations.setdefault("a walk that people can walk diverged", f"first in step {step} of {ordeal}")
+    report.repeated_periods += envs.batch.repeated_periods
     report.rounds += 1
     report.env_steps += ROUND_STEPS * walkers
     envs.close()

@@ -16,7 +16,7 @@ from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step
 from prosthesis_gym.rewards import load_reward
-from prosthesis_gym.scenarios import load_scenario
+from prosthesis_gym.scenarios import read_scenario
 from prosthesis_gym.state import seal, unseal
 from prosthesis_gym.time_limit import set_limit
 
@@ -50,7 +50,7 @@ def environment_config(
             no effect.
 
     """
-    given, base = read_config(source), {} if scenario is None else load_scenario(scenario)
+    given, base = read_config(source), {} if scenario is None else read_scenario(scenario)
     if device is not None:
         _check_device(merge(base, given), device)
     config = laid_over(

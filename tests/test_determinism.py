@@ -117,8 +117,8 @@ def test_sensors_with_zero_options_are_the_default_ones() -> None:
 
 
 def test_diverging_walkers_end_with_a_reason_and_leave_their_neighbours_alone() -> None:
-    """Explicit steps of 0.25 ms diverge on this ground, at another time for every walker."""
-    config = {"solver": {"stepper": "rk4", "steps": 20}, "ground": {"stiffness_n_m15": 1e6, "damping_ns_m15": 1e6}}
+    """Explicit steps diverge on this ground, those of the reference too, at another time for every walker."""
+    config = {"solver": {"stepper": "rk4", "steps": 20}, "ground": {"stiffness_n_m15": 1e6, "damping_ns_m15": 1e7}}
     seeds = np.arange(16, dtype=np.uint64)
     batch = _core.Batch(16, config, "same_step", 1)
     batch.reset(seeds)
@@ -131,6 +131,7 @@ def test_diverging_walkers_end_with_a_reason_and_leave_their_neighbours_alone() 
         assert step.terminated[non_finite].all()
         diverged += int(non_finite.sum())
     assert diverged > 5
+    assert batch.repeated_periods[2] == diverged
 
     together = trajectory(config, 16, 1, seeds)
     for index in (0, 5, 15):

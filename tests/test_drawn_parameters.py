@@ -71,6 +71,7 @@ VALUES: dict[str, float] = {
     "body.heel_x_m": -0.04,
     "end_stop.flexion_angle_deg": 62.0,
     "human.shortest_state_s": 0.6,
+    "human.shortest_stride_m": 1.9,
     "human.lift_speed_m_s": 1.4,
     "human.stop_distance_m": -0.05,
     "human.heel_strike_force_n": 300.0,

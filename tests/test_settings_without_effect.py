@@ -145,8 +145,14 @@ DOORS: dict[str, Callable[[Config], object]] = {
         ({"sensors": {"motor_speed": {"noise": 1.0}}}, r"sensors\.motor_speed\.noise = 1.0 has no effect"),
         ({"scenario": {"gust": {"pause_s": 1.0}}}, r"scenario\.gust\.pause_s = 1.0 .*gust\.force_n other than 0"),
         ({"scenario": {"pushes": [PUSH], "push_s": 5.0}}, r"scenario\.push_s = 5.0 .*empty list scenario\.pushes"),
-        ({"scenario": {"randomise": {"motor.gear_ratio": [50.0, 60.0]}}}, r"motor\.gear_ratio of scenario\.randomise"),
-        ({"scenario": {"variants": [{"motor": {"gear_ratio": 9.0}}]}}, r"motor\.gear_ratio of scenario\.variants\[0\]"),
+        (
+            {"scenario": {"randomise": {"motor.gear_ratio": [50.0, 60.0]}}},
+            r"scenario\.randomise\.\"motor\.gear_ratio\": would change nothing",
+        ),
+        (
+            {"scenario": {"variants": [{"motor": {"gear_ratio": 9.0}}]}},
+            r"scenario\.variants\[0\].*motor\.gear_ratio.*would change nothing",
+        ),
         ({"ground": {"stair_count": 3}}, r"ground\.stair_count = 3 .*ground\.stair_rise_m other than 0"),
         ({"reward": {"electricity": -1.0}}, r"reward\.electricity = -1.0 has no effect"),
         ({"tube": {"damping_ratio": 0.3}}, r"tube\.damping_ratio = 0.3 .*tube\.connection = 'compliant'"),
@@ -166,7 +172,6 @@ def test_every_door_refuses_the_same(door: str, config: Config, message: str) ->
         {"ground": {"roughness_m": 0.0, "roughness_seed": 3}},
         {"scenario": {"randomise": {"ground.roughness_m": [0.0, 0.01]}}, "ground": {"roughness_length_m": 0.5}},
         {"scenario": {"start": "cyclic", "walk_s": 1.0, "speed_m_s": 1.1, "speed_change_s": 100.0}},
-        {"scenario": {"randomise": {"sensors.motor_speed.noise": [0.0, 1.0]}}},  # faults of whatever sensors there are
         {"sensors": {"motor_speed": {"noise": 1.0}, "knee_encoder": {"noise": 0.01}}},
         {"reward": {"electricity": -1.0, "fall": -20.0}},  # weights for any knee
         {"knee": {"spring_nm_rad": 1.0}, "state_machine": {"recovery": False}},
@@ -187,7 +192,7 @@ def test_presets_are_for_every_knee_and_what_came_of_them_is_taken_again(scenari
     again = merge(envs.config, {"scenario": {"duration_s": 0.2}})
     assert evaluate(None, again, episodes=2).episodes == 2
     assert run_trial(again, progress=False).config["device"]["kind"] == kind
-    ProsthesisVectorEnv(1, load_scenario(scenario), device=kind)
+    ProsthesisVectorEnv(1, load_scenario(scenario, kind), device=kind)
 
 
 def test_a_setting_is_refused_over_a_scenario_in_which_nothing_reads_it() -> None:

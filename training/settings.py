@@ -14,7 +14,7 @@ from prosthesis_gym.evaluation import HELD_OUT_SEED
 from prosthesis_gym.files import read_toml
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.rewards import load_reward
-from prosthesis_gym.scenarios import load_scenario
+from prosthesis_gym.scenarios import read_scenario
 
 
 def _within(low: float, high: float) -> dict[str, tuple[float, float]]:
@@ -39,7 +39,7 @@ class _Section:
 
 
 #: Sections of [env] that may name a preset or file, and what reads it.
-_PRESETS: dict[str, Callable[[str], Config]] = {"scenario": load_scenario, "reward": load_reward}
+_PRESETS: dict[str, Callable[[str], Config]] = {"scenario": read_scenario, "reward": load_reward}
 
 
 def _spelt_out(table: Mapping[str, Any]) -> Config:

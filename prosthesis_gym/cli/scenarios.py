@@ -10,7 +10,7 @@ from rich.table import Table
 from prosthesis_gym.cli.parsers import Commands, new_parser
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.evaluation import evaluate
-from prosthesis_gym.scenarios import SCENARIOS, load_scenario, scenario_description
+from prosthesis_gym.scenarios import SCENARIOS, read_scenario, scenario_description
 
 _EXAMPLES = """\
 examples:
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--device {' '.join(arguments.device)} needs --episodes: without, nobody walks")
     names = arguments.scenario or list(SCENARIOS)
     for name in names:
-        load_scenario(name)
+        read_scenario(name)
     table = Table(box=box.SIMPLE_HEAD, padding=(0, 1))
     table.add_column("scenario")
     if arguments.episodes is None:

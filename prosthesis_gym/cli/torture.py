@@ -50,6 +50,9 @@ def run(arguments: argparse.Namespace) -> None:
     console.print(_table(report))
     seconds = time.perf_counter() - began
     console.print(f"{report.env_steps:,} env steps in {report.rounds} rounds, {seconds:.1f} s", highlight=False)
+    finer, reference, diverged = report.repeated_periods
+    repeated = f"{finer:,} settled in finer steps, {reference:,} by the reference, {diverged:,} by none"
+    console.print(f"control periods integrated again: {repeated}", highlight=False)
     growth = f"{report.memory_growth_mib:+.1f} MiB from the first half of the rounds to the second"
     console.print(f"memory {report.memory_mib[-1]:.0f} MiB, {growth}", highlight=False)
     if report.violations:

@@ -11,7 +11,7 @@ from prosthesis_gym.controller import CONTROLLERS_OWN
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.policy import Policy
-from prosthesis_gym.scenarios import SCENARIOS, load_scenario
+from prosthesis_gym.scenarios import SCENARIOS, read_scenario
 
 #: An undisturbed walk from standing at one speed.
 DEFAULTS: dict[str, Any] = {
@@ -80,7 +80,7 @@ def configure(arguments: argparse.Namespace) -> tuple[Config, Policy | None]:
         Layer(load_config(arguments.config)),
         Layer({} if arguments.device is None else {"device": {"kind": arguments.device}}),
         Layer(_body(arguments), given=False),
-        Layer({} if arguments.scenario is None else load_scenario(arguments.scenario), given=False),
+        Layer({} if arguments.scenario is None else read_scenario(arguments.scenario), given=False),
         Layer({"scenario": _scenario(arguments)}),
         Layer({} if arguments.solver is None else SOLVERS[arguments.solver]),
     ]
@@ -105,7 +105,7 @@ def _refuse_contradictions(arguments: argparse.Namespace) -> None:
     if arguments.seed < 0:
         raise ValueError(f"--seed = {arguments.seed} must be 0 or more")
     settings = apply_settings({}, arguments.settings)
-    scenario = None if arguments.scenario is None else load_scenario(arguments.scenario)
+    scenario = None if arguments.scenario is None else read_scenario(arguments.scenario)
     if arguments.speed is not None and scenario is not None:
         given = f"--speed {arguments.speed} and --scenario {arguments.scenario}"
         raise ValueError(f"{given}: a scenario has its own speeds")
