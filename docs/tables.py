@@ -21,7 +21,8 @@ _REASONS: Final = {
     "joint_limit": ("terminated", "Knee or ankle beyond `termination.knee_*_deg` or `termination.ankle_deg`."),
     "non_finite": (
         "terminated",
-        "The integration diverged: the state is not finite, or segments or the extension stop do what none can.",
+        "The integration diverged, by the reference too: a state that is not finite, a segment or stop beyond what is "
+        "possible.",
     ),
     "time_limit": ("truncated", "The time limit is reached."),
 }

@@ -2,7 +2,8 @@
 
 `gymnasium.make` keeps `max_episode_steps` to itself and wraps the environment in a TimeLimit, of which the environment
 hears nothing: its episodes could neither be longer than its own limit, nor say why a TimeLimit ends them. What somebody
-sets on a wrapper in place of the environment never arrives either.
+sets on a wrapper in place of the environment never arrives either. The names of `make`'s locals are not promised by
+Gymnasium; tests/contracts fail if they change.
 """
 
 import sys
@@ -25,8 +26,8 @@ def limit_of_make() -> int | None:
     """Return the `max_episode_steps` of the `gymnasium.make` that is making an environment; None if there is none."""
     for frame in _frames():
         if frame.f_code is gymnasium.make.__code__:
-            given, spec = frame.f_locals["max_episode_steps"], frame.f_locals["env_spec"]
-            limit: int | None = spec.max_episode_steps if given is None else given
+            given, spec = frame.f_locals.get("max_episode_steps"), frame.f_locals.get("env_spec")
+            limit: int | None = getattr(spec, "max_episode_steps", None) if given is None else given
             return limit
     return None
 

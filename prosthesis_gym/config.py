@@ -22,6 +22,9 @@ FAST_SOLVER: Config = {"solver": {"stepper": "two_stage_w", "steps": 0}}
 REFERENCE_SOLVER: Config = {"solver": {"stepper": "rk4", "steps": 50}}
 """The converged reference stepper: RK4 at 0.1 ms with located events."""
 
+#: Levels of a configuration at most, as in the core.
+_DEEPEST = 32
+
 _DISTRIBUTIONS = frozenset({"uniform", "log_uniform", "normal", "choice"})
 
 
@@ -53,22 +56,24 @@ def read_config(source: str | Path | Mapping[str, Any] | None = None) -> Config:
     return read_toml(file_path("config", source))
 
 
-def plain(value: Any, key: str = "") -> Any:  # noqa: ANN401 - a configuration's values are of any type
+def plain(value: Any, key: str = "", depth: int = 0) -> Any:  # noqa: ANN401 - a configuration's values are of any type
     """Return a configuration, or a part of it, as TOML could hold it: what NumPy has of numbers, flags and arrays too.
 
     Raises:
-        ValueError: a key that is not a name.
+        ValueError: a key that is not a name, or a configuration that is too deep, such as one that holds itself.
 
     """
+    if depth > _DEEPEST:
+        raise ValueError(f"{key[:80]}...: a configuration must not be more than {_DEEPEST} levels deep")
     if isinstance(value, np.generic | np.ndarray):
-        return plain(value.tolist(), key)
+        return plain(value.tolist(), key, depth)
     if isinstance(value, Mapping):
         for name in value:
             if not isinstance(name, str):
                 raise ValueError(f"{key or 'configuration'}: key {name!r} must be a name")  # noqa: TRY004
-        return {str(name): plain(item, f"{key}.{name}" if key else name) for name, item in value.items()}
+        return {str(name): plain(item, f"{key}.{name}" if key else name, depth + 1) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(item, f"{key}[{index}]") for index, item in enumerate(value)]
+        return [plain(item, f"{key}[{index}]", depth + 1) for index, item in enumerate(value)]
     return value
 
 

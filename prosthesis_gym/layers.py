@@ -9,6 +9,7 @@ stride) may stand beside the settings of what it turns off: the baseline of a sw
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 from prosthesis_gym import _core
@@ -118,6 +119,18 @@ _USES: Sequence[_Use] = (
             "human.standing_trunk_limit_nm_kg",
         ],
     ),
+    _chosen(
+        "mechanism.hip",
+        ["forward"],
+        [
+            "human.hip_stiffness_nm_rad",
+            "human.hip_damping_nms_rad",
+            "human.hip_limit_nm_kg",
+            "human.standing_hip_stiffness_nm_rad",
+            "human.standing_hip_limit_nm_kg",
+        ],
+    ),
+    _Use(["body.sole_radius_m"], "body.sole_points of more than 2", lambda view: view["body.sole_points"] > 2),
     _switched("ground.step_height_m", "ground.step_x_m"),
     _switched("ground.stair_rise_m", "ground.stair_run_m", "ground.stair_start_x_m", "ground.stair_count"),
     _switched("ground.roughness_m", "ground.roughness_length_m", "ground.roughness_seed"),
@@ -246,14 +259,19 @@ def _instead(use: _Use, final: _View) -> str:
     return f", which is {final[key]!r}" if equals else ""
 
 
+@cache
+def _defaults() -> Config:
+    return resolve({})
+
+
 def _complete_sections(config: Mapping[str, Any]) -> list[str]:
     """Return the sections that are whole, if most are: then they were filled up, and checked, before."""
     whole = [
         name
-        for name, defaults in resolve({}).items()
+        for name, defaults in _defaults().items()
         if isinstance(config.get(name), Mapping) and set(defaults) <= set(config[name])
     ]
-    return whole if len(whole) > len(resolve({})) // 2 else []
+    return whole if len(whole) > len(_defaults()) // 2 else []
 
 
 def _names(config: Mapping[str, Any], key: str) -> bool:

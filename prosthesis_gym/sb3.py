@@ -151,16 +151,19 @@ class ProsthesisVecEnv(VecEnv):
         learns = walkers.normalised and batch.learns
         if learns:  # from what the agent meets, and from nothing else
             batch.learns = False
-        self.envs.reset(seed=seeds)
-        steps = self.envs.max_episode_steps or 0
-        starts = np.arange(self.num_envs) * steps // self.num_envs
-        actions = np.zeros_like(self._actions)
-        for step in range(steps):
+        try:
+            self.envs.reset(seed=seeds)
+            steps = self.envs.max_episode_steps or 0
+            starts = np.arange(self.num_envs) * steps // self.num_envs
+            actions = np.zeros_like(self._actions)
+            for step in range(steps):
+                walkers.step(actions)
+                if (starting := starts == step).any():
+                    walkers.reset(mask=starting)
             walkers.step(actions)
-            walkers.reset(mask=starts == step)
-        walkers.step(actions)
-        if learns:
-            batch.learns = True
+        finally:
+            if learns:
+                batch.learns = True
         if self.envs.rendering is not None:
             self.envs.rendering.reset()
         return walkers.observations(np.ones(self.num_envs, dtype=np.bool_))

@@ -45,7 +45,7 @@ def run_seed(run: int, part: int = 0) -> int:
 
     Environment i of `envs.reset(seed=s)` has the seed s + i, and so have stable-baselines3's after `env.seed(s)`: runs
     with the seeds 0 and 1 share all environments but one. Seeds of this function lie so far apart that two runs of a
-    million environments meet with a probability of 1e-12, and all of them from 2^63 on, above those of evaluations.
+    million environments meet with a probability of 2e-12, and all of them from 2^63 on, above those of evaluations.
 
     Args:
         run: number of the run: any integer that is not negative.

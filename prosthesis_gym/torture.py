@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
@@ -155,11 +155,12 @@ def torture(
     walkers: int = 1024,
     seed: int = 0,
     threads: int | None = None,
+    scenarios: Sequence[str] = tuple(SCENARIOS),
     progress: Callable[[int], None] | None = None,
 ) -> Report:
     """Make at least `steps` env steps in rounds of `walkers`, over all knees and in turn all torments.
 
-    `progress` is called after each round with the env steps done.
+    `scenarios` are some of `SCENARIOS`. `progress` is called after each round with the env steps done.
 
     Raises:
         ValueError: impossible arguments; names the value and its range.
@@ -169,8 +170,10 @@ def torture(
         raise ValueError(f"steps = {steps} must be at least 1")
     if walkers < 1:
         raise ValueError(f"walkers = {walkers} must be at least 1")
+    if unknown := [name for name in scenarios if name not in SCENARIOS]:
+        raise ValueError(f"scenarios: {unknown[0]!r} must be one of {', '.join(SCENARIOS)}")
     check_seed(seed)
-    torments = list(itertools.product(SENSOR_FAULTS, GROUNDS, SCENARIOS, _MODES))
+    torments = list(itertools.product(SENSOR_FAULTS, GROUNDS, scenarios, _MODES))
     np.random.default_rng(seed).shuffle(torments)
     knees = itertools.cycle(DEVICES)
     report, process = Report(), psutil.Process()

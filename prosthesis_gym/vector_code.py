@@ -61,7 +61,7 @@ _STEPPING = {
     "sensors/channel.rs": ("sample", "digitise"),
     "sensors/mod.rs": ("sample",),
     "sensors/noise.rs": ("normal",),
-    "simulation.rs": ("begin_period", "finish_period"),
+    "simulation/mod.rs": ("begin_period", "finish_period"),
 }
 
 _ARITHMETIC = re.compile(r"V?(?:ADD|SUB|MUL|DIV|SQRT|MIN|MAX|FN?M(?:ADD|SUB)(?:132|213|231))(PD|SD)")

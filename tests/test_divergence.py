@@ -66,11 +66,9 @@ def test_no_walker_of_a_scenario_diverges(device: str, scenario: str) -> None:
     assert not (reasons == TerminationReason.NON_FINITE).any()
 
 
-def test_no_walker_of_tortures_walkable_part_diverges(monkeypatch: pytest.MonkeyPatch) -> None:
-    walkable = {name: config for name, config in torture.__globals__["SCENARIOS"].items() if name in WALKABLE}
-    monkeypatch.setitem(torture.__globals__, "SCENARIOS", walkable)
+def test_no_walker_of_tortures_walkable_part_diverges() -> None:
     rounds = len(SENSOR_FAULTS) * len(GROUNDS) * len(WALKABLE) * 2
-    report = torture(rounds * 48 * ROUND_STEPS, walkers=48)
+    report = torture(rounds * 48 * ROUND_STEPS, walkers=48, scenarios=WALKABLE)
     assert report.rounds == rounds
     assert sum(sum(ended.values()) for ended in report.ends.values()) > 1000
     assert report.violations == {}

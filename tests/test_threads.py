@@ -100,12 +100,14 @@ def test_states_and_recordings_taken_meanwhile_are_whole() -> None:
             observations.append(batch.step(np.full(8, 0.3)).observations[4].copy())
 
     hammer([take], work)
-    other = _core.Batch(1, CONFIG, "disabled", 1)
+    other, compared = _core.Batch(1, CONFIG, "disabled", 1), 0
     for state in states[:: max(1, len(states) // 20)]:
         other.set_state(state, [0])
         here = other.reset(None, np.zeros(1, dtype=np.bool_))[0]
         if (found := [index for index, seen in enumerate(observations) if (seen == here).all()]) and found[0] < 99:
             np.testing.assert_array_equal(other.step(np.full(1, 0.3)).observations[0], observations[found[0] + 1])
+            compared += 1
+    assert compared > 0
 
 
 def test_threads_that_step_together_take_whole_steps() -> None:

@@ -116,7 +116,8 @@ impl Gain {
 /// Threads beside the caller's, their scratches, what they join, and the process that they live in.
 struct Helpers {
     process: u32,
-    pool: rayon::ThreadPool,
+    /// There until it is dropped.
+    pool: Option<rayon::ThreadPool>,
     shared: Arc<SharedJob>,
     scratches: Vec<Mutex<Scratches>>,
 }
@@ -152,7 +153,8 @@ impl Crew {
         let help = |helper: usize| _ = join(&mut scratches[helper].lock().unwrap_or_else(PoisonError::into_inner));
         let call = || {
             let shared = Arc::clone(shared);
-            pool.spawn(move || shared.join(rayon::current_thread_index().unwrap_or(0)));
+            let work = move || shared.join(rayon::current_thread_index().unwrap_or(0));
+            pool.iter().for_each(|pool| pool.spawn(work.clone()));
         };
         let (began, mut own) = (Instant::now(), 0);
         let waited = shared.run(&help, called - 1, call, self.patience, || own = join(&mut self.scratches));
@@ -174,11 +176,18 @@ fn helpers(slot: &mut Option<Helpers>, threads: usize) -> Result<&mut Helpers> {
             .build()
             .map_err(|error| Error::Invalid(format!("cannot start {threads} threads: {error}")))?;
         let scratches = (0..pool.current_num_threads()).map(|_| Mutex::default()).collect();
-        let helpers = Helpers { process, pool, shared: Arc::default(), scratches };
-        // Dropping the parent's could wait for a lock that one of its threads, which are not here, held at the fork.
-        std::mem::forget(slot.replace(helpers));
+        *slot = Some(Helpers { process, pool: Some(pool), shared: Arc::default(), scratches });
     }
     slot.as_mut().ok_or_else(|| Error::Invalid("no threads".into()))
+}
+
+impl Drop for Helpers {
+    fn drop(&mut self) {
+        if std::process::id() != self.process {
+            // To drop the parent's pool could wait for a lock that one of its threads, which are not here, held at the fork.
+            std::mem::forget(self.pool.take());
+        }
+    }
 }
 
 impl std::fmt::Debug for Helpers {
@@ -241,7 +250,7 @@ mod tests {
         let (release, released) = channel();
         let (report, outcome) = channel();
         let occupy = move || report.send(released.recv_timeout(Duration::from_secs(30))).unwrap();
-        helpers(&mut crew.helpers, 2).unwrap().pool.spawn(occupy);
+        helpers(&mut crew.helpers, 2).unwrap().pool.as_ref().unwrap().spawn(occupy);
         assert_eq!(walk(&mut crew, 40), expected);
         release.send(()).unwrap();
         assert_eq!(outcome.recv().unwrap(), Ok(()), "the caller has waited for a helper that did not run");

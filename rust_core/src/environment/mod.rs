@@ -3,21 +3,21 @@
 //! The random stream of an episode depends on (seed, episode number) alone, and lanes never mix, so trajectories do not
 //! depend on batch size, position in the batch or number of threads.
 
+mod setup;
+
+pub use setup::{Autoreset, Setup};
+
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use rand_pcg::Pcg64;
 
-use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::judgement;
 use crate::math::{SPLITMIX_STEP, scramble};
 use crate::params::within;
 use crate::prosthesis_controller::agent::observation::{Sight, Truth};
-use crate::prosthesis_controller::agent::{
-    ActionMap, Actuation, Actuations, CommandScale, CommandScaleLanes, ObservationMap,
-};
-use crate::randomisation::Randomiser;
+use crate::prosthesis_controller::agent::{Actuation, Actuations, CommandScale, CommandScaleLanes};
 use crate::recorder::{self, Recorder, Row};
 use crate::repetition::Repeats;
 use crate::reward::{TERMS, Terms, TermsLanes};
@@ -25,17 +25,6 @@ use crate::scenario::Episode;
 use crate::simulation::{Model, Sampled, SavedWalker, Scratch, Simulation};
 use crate::step_output::StepOutput;
 use crate::termination::Reason;
-
-/// What happens to an environment after its episode has ended (Gymnasium's `AutoresetMode`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Autoreset {
-    /// Its next step ignores the action and resets it.
-    NextStep,
-    /// It is reset at once; the last observation of the old episode is handed out beside.
-    SameStep,
-    /// The caller resets it; stepping it before is an error.
-    Disabled,
-}
 
 /// What an environment keeps beside its walker.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
@@ -68,83 +57,6 @@ impl SavedEnvironment {
             return Ok(());
         }
         Err(Error::Invalid("state is damaged: its observation has another size".to_owned()))
-    }
-}
-
-/// What all environments of a batch share.
-#[derive(Clone, Debug)]
-pub struct Setup {
-    /// The configuration.
-    pub config: Config,
-    /// What happens after an episode's end.
-    pub autoreset: Autoreset,
-    /// Share of disturbances and randomisation that episodes have from their next start on, in [0, 1].
-    pub difficulty: f64,
-    /// Draws the parameters of walkers.
-    pub randomiser: Option<Randomiser>,
-    /// Whether any walker may meet uneven ground.
-    uneven: bool,
-    action: ActionMap,
-    observation: ObservationMap,
-    /// Control sample that ends an episode; `u64::MAX` none does.
-    last_sample: u64,
-    /// Of samples under way through a walker's sensors, at most.
-    most_sensor_bytes: usize,
-}
-
-impl Setup {
-    /// Checks the configuration.
-    pub fn new(config: Config, autoreset: Autoreset) -> Result<Self> {
-        config.validate()?;
-        let last_sample = config.scenario.samples();
-        let action = ActionMap::new(&config);
-        let observation = ObservationMap::new(&config);
-        let randomiser = Randomiser::new(&config)?;
-        let uneven = randomiser.as_ref().is_some_and(Randomiser::is_uneven);
-        let drawn =
-            randomiser.iter().flat_map(Randomiser::spans).map(|span| span.as_span().high.sensors.bytes_under_way());
-        let most_sensor_bytes = drawn.fold(config.sensors.bytes_under_way(), usize::max);
-        Ok(Self {
-            config,
-            autoreset,
-            difficulty: 1.0,
-            randomiser,
-            uneven,
-            action,
-            observation,
-            last_sample,
-            most_sensor_bytes,
-        })
-    }
-
-    /// Length of one environment's observation.
-    pub fn observation_size(&self) -> usize {
-        self.config.observation.frames * self.frame_size()
-    }
-
-    /// How many numbers an action has.
-    pub fn action_size(&self) -> usize {
-        self.action.size()
-    }
-
-    /// Samples of a whole episode, and the one that it starts with; `None` without a limit.
-    pub fn most_samples(&self) -> Option<u64> {
-        (self.last_sample < u64::MAX).then(|| self.last_sample.saturating_add(self.config.action.hold as u64))
-    }
-
-    /// Env steps of an episode at most; `None` without a limit.
-    pub fn most_steps(&self) -> Option<u64> {
-        (self.last_sample < u64::MAX).then(|| self.last_sample.div_ceil(self.config.action.hold as u64))
-    }
-
-    /// Ends episodes after so many env steps, in place of `scenario.duration_s`; `None` never.
-    pub fn set_most_steps(&mut self, steps: Option<u64>) {
-        let hold = self.config.action.hold as u64;
-        self.last_sample = steps.map_or(u64::MAX, |steps| steps.saturating_mul(hold));
-    }
-
-    fn frame_size(&self) -> usize {
-        self.observation.channels().len()
     }
 }
 

@@ -7,18 +7,22 @@
 //!             prosthesis controller (state machine or agent) <── sensors        (200 Hz)
 //! ```
 
+mod measurand;
+mod saved;
+
+pub use saved::SavedWalker;
+
 use crate::config::{Config, SolverParams};
-use crate::disturbance::Progress;
 use crate::energy_meter::EnergyMeter;
-use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, WalkerMemory, WalkerState, Walkers};
+use crate::human_prosthesis::{self, Evaluated, HumanProsthesis, Signals, State, Walkers};
 use crate::integrator::{self, HybridFlow, Workspace};
 use crate::lanes::vectorised;
 use crate::prefetch::Ahead;
 use crate::prosthesis_controller::{GaitMemory, ReferenceController};
 use crate::repetition::{ATTEMPTS, Moment, Repeats};
 use crate::scenario::Episode;
-use crate::sensors::{self, SensorMemory, Sensors};
-use crate::signals::{CONTROL_PERIOD_S, Measurand, MeasurandLanes, Readings, ReadingsLanes};
+use crate::sensors::{self, Sensors};
+use crate::signals::{CONTROL_PERIOD_S, MeasurandLanes, ReadingsLanes};
 
 /// Constants of the closed loop of a block of walkers. Blocks of equal walkers share one.
 #[derive(Clone, Debug)]
@@ -81,19 +85,6 @@ pub struct Simulation<const L: usize> {
     next_intent: [u64; L],
     next_push: [u64; L],
     episode: [Option<Episode>; L],
-}
-
-/// One walker between two control periods, but for what its episode says.
-#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub struct SavedWalker {
-    state: WalkerState,
-    memory: WalkerMemory,
-    sensors: SensorMemory,
-    readings: Readings,
-    state_machine: GaitMemory,
-    state_machine_command: f64,
-    sample: u64,
-    disturbance: Progress,
 }
 
 /// Storage that one control period needs: threads share it among their blocks, which keeps those small. What is in it counts for
@@ -186,42 +177,10 @@ impl<const L: usize> Simulation<L> {
     pub fn heap_bytes(&self) -> usize {
         let profiles = self.walkers.profile.iter().chain(self.episode.iter().flatten().map(|episode| &episode.profile));
         let pushes = self.episode.iter().flatten().map(|episode| size_of_val(&*episode.disturbance.pushes));
-        profiles.map(|profile| size_of_val(&*profile.knots)).chain(pushes).sum::<usize>() + self.state.heap_bytes()
-    }
-
-    /// The walker in `lane`; `None` before its first episode.
-    pub fn save(&self, lane: usize) -> Option<SavedWalker> {
-        Some(SavedWalker {
-            state: self.state.get(lane),
-            memory: self.walkers.get(lane),
-            sensors: self.sensors.get(lane),
-            readings: self.readings.get(lane),
-            state_machine: self.state_machine[lane],
-            state_machine_command: self.state_machine_command[lane],
-            sample: self.sample[lane],
-            disturbance: self.episode[lane].as_ref()?.disturbance.progress(),
-        })
-    }
-
-    /// Puts a walker in `lane` where another one of the same `episode` was.
-    pub fn restore(
-        &mut self,
-        model: &Model<L>,
-        lane: usize,
-        mut episode: Episode,
-        saved: &SavedWalker,
-        scratch: &mut Scratch<L>,
-    ) {
-        episode.disturbance.resume(&saved.disturbance);
-        self.start(model, lane, episode, scratch);
-        self.state.set(lane, &saved.state);
-        self.walkers.set(&model.plant, lane, &saved.memory);
-        self.sensors.set(lane, &saved.sensors);
-        self.readings.set(lane, saved.readings);
-        self.state_machine[lane] = saved.state_machine;
-        self.state_machine_command[lane] = saved.state_machine_command;
-        self.sample[lane] = saved.sample;
-        (self.next_intent[lane], self.next_push[lane]) = (0, 0);
+        let drawn = self.episode.iter().flatten().filter_map(|episode| episode.drawn.as_ref());
+        let numbers = drawn.map(|drawn| size_of_val(&*drawn.numbers));
+        profiles.map(|profile| size_of_val(&*profile.knots)).chain(pushes).chain(numbers).sum::<usize>()
+            + self.state.heap_bytes()
     }
 
     /// The human-prosthesis system and its state.
@@ -414,7 +373,7 @@ impl<const L: usize> Simulation<L> {
         );
         for lane in 0..L {
             let plant = Sampled { model, simulation: self, scratch }.plant();
-            let measurand = measurand(&plant, &model.sensors, lane);
+            let measurand = measurand::measurand(&plant, &model.sensors, lane);
             scratch.truth.set(lane, measurand);
         }
     }
@@ -424,33 +383,6 @@ impl<const L: usize> Simulation<L> {
     fn control(&mut self, model: &Model<L>, lane: usize) {
         let readings = self.readings.get(lane);
         self.state_machine_command[lane] = model.reference.update(lane, &mut self.state_machine[lane], &readings);
-    }
-}
-
-/// True quantities at the places of the sensors.
-#[inline(always)]
-fn measurand<const L: usize>(plant: &Evaluated<'_, L>, sensors: &sensors::Model<L>, lane: usize) -> Measurand {
-    let motion = plant.motion(lane);
-    let reactions = plant.reactions(lane);
-    let mass = plant.body(lane).mass;
-    let [thigh_imu, shank_imu] = sensors.imu(lane);
-    let [thigh_force, shank_force] = plant.specific_forces(lane, thigh_imu, shank_imu);
-    let rotor = plant.rotor(lane);
-    Measurand {
-        knee_angle: plant.knee_flexion(lane),
-        tube_force_bw: -reactions.tube_force / (mass * crate::signals::GRAVITY),
-        tube_moment_nm_kg: -reactions.tube_torque / mass,
-        shank_angle: motion.shank,
-        shank_rate: motion.shank_rate,
-        shank_force_x: shank_force.forward,
-        shank_force_y: shank_force.up,
-        thigh_rate: motion.thigh_rate,
-        thigh_force_x: thigh_force.forward,
-        thigh_force_y: thigh_force.up,
-        ankle_moment_nm_kg: -plant.device(lane).ankle / mass,
-        motor_position: rotor.angle,
-        motor_speed: rotor.rate,
-        motor_current: plant.motor_signals(lane).current,
     }
 }
 
