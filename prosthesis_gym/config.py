@@ -154,3 +154,5 @@ def _toml_value(text: str) -> Any:  # noqa: ANN401 - a TOML value is of any type
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
+    except RecursionError:
+        raise ValueError(f"{text[:80]}...: its brackets are nested too deeply to be read") from None

@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
+#: What the names of temporary files and folders begin with, and no user's file does.
+_TEMPORARY = ".prosthesis_gym-partial-"
 
 
 def read_text(path: str | Path) -> str:
@@ -41,17 +43,26 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         return tomllib.loads(read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{path}: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: its brackets are nested too deeply to be read") from None
 
 
 def read_json(path: str | Path) -> dict[str, Any]:
     """Return the object in a JSON file; what is no UTF-8 or no object of JSON is a ValueError with file and line."""
     try:
         content = json.loads(read_text(path))
-    except (json.JSONDecodeError, RecursionError) as error:
+    except json.JSONDecodeError as error:
         raise ValueError(f"{path}: no JSON: {error}") from None
+    except RecursionError:
+        raise ValueError(f"{path}: its brackets are nested too deeply to be read") from None
     if not isinstance(content, dict):
         raise ValueError(f"{path}, line 1: holds a JSON {type(content).__name__}, must hold an object")  # noqa: TRY004
     return content
+
+
+def is_temporary(path: str | Path) -> bool:
+    """Whether the name is one that `atomic_write` and `atomic_folder` give what is not complete yet."""
+    return Path(path).name.startswith(_TEMPORARY)
 
 
 @contextmanager
@@ -68,7 +79,7 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     with _named(target):
         _make_folder(target.parent)
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+        handle, name = tempfile.mkstemp(prefix=_TEMPORARY, suffix=target.suffix, dir=target.parent)
         os.close(handle)
         temporary = Path(name)
         try:
@@ -92,7 +103,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     target = Path(path)
     with _named(target):
         _make_folder(target.parent)
-        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        temporary = Path(tempfile.mkdtemp(prefix=_TEMPORARY, dir=target.parent))
         try:
             yield temporary
             temporary.chmod(0o777 & ~_umask())
@@ -124,7 +135,7 @@ def _named(target: Path) -> Iterator[None]:
         if error.errno is None:
             raise OSError(f"{target}: {error}") from error
         named = error.filename
-        if named is None or any(part.startswith(f".{target.stem}-") for part in Path(os.fsdecode(named)).parts):
+        if named is None or any(map(is_temporary, Path(os.fsdecode(named)).parts)):
             raise OSError(error.errno, error.strerror or os.strerror(error.errno), str(target)) from error
         raise
 

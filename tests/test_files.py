@@ -2,8 +2,11 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +17,7 @@ from prosthesis_gym import ProsthesisVectorEnv
 from prosthesis_gym.bodies import scaled_body
 from prosthesis_gym.config import load_config, resolve
 from prosthesis_gym.evaluation import evaluate
-from prosthesis_gym.files import atomic_folder, atomic_write
+from prosthesis_gym.files import atomic_folder, atomic_write, is_temporary, read_json
 from prosthesis_gym.policy import Policy
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import load_scenario
@@ -127,6 +130,55 @@ def test_an_older_file_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
     with pytest.raises(IsADirectoryError), atomic_folder(tmp_path / "b") as folder:
         folder.write_text("half")
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("name", ["v1", "v1.2", ".v1", "v1.tar.gz"])
+@pytest.mark.parametrize("writer", [atomic_write, atomic_folder])
+def test_an_error_names_what_was_wanted_not_the_temporary(
+    writer: Callable[[Path], AbstractContextManager[Path]], name: str, tmp_path: Path
+) -> None:
+    target = tmp_path / "runs.d" / name
+    with pytest.raises(OSError, match=re.escape(f"'{target}'")) as caught, writer(target) as temporary:
+        # Where a file is, there is no folder; and the other way round.
+        (temporary / "part" / "file").read_bytes()
+    assert caught.value.filename == str(target)
+    assert not list(target.parent.iterdir())
+    target.mkdir()
+    (target / "part").touch()
+    with pytest.raises(OSError, match=re.escape(f"'{target}'")) as caught, writer(target):
+        pass
+    assert caught.value.filename == str(target)
+    # A file of the user's own that is missing keeps its name.
+    other = tmp_path / f".{name}-mine"
+    with pytest.raises(FileNotFoundError) as caught, writer(tmp_path / name):
+        other.read_bytes()
+    assert caught.value.filename == str(other)
+
+
+def test_temporaries_are_told_from_the_files_of_users(tmp_path: Path) -> None:
+    with atomic_write(tmp_path / "a.csv") as file, atomic_folder(tmp_path / "b.d") as folder:
+        assert is_temporary(file)
+        assert is_temporary(folder)
+        # Writers choose their format by it.
+        assert file.suffix == ".csv"
+    for name in ("a.csv", ".git", ".env", ".a-x2.csv", "prosthesis_gym", ".prosthesis_gym"):
+        assert not is_temporary(tmp_path / name)
+
+
+@pytest.mark.parametrize("reader", TOML, ids=lambda reader: reader.__qualname__)
+@pytest.mark.parametrize("nested", ["[" * 5000, "{a = " * 5000])
+def test_toml_that_is_nested_too_deeply_is_named(reader: Callable[[Path], object], nested: str, tmp_path: Path) -> None:
+    path = tmp_path / "deep.toml"
+    path.write_text(f"a = {nested}")
+    with pytest.raises(ValueError, match=r"deep\.toml: .* nested too deeply"):
+        reader(path)
+
+
+def test_json_that_is_nested_too_deeply_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "deep.json"
+    path.write_text('{"a":' * 200_000)
+    with pytest.raises(ValueError, match=r"deep\.json: .* nested too deeply"):
+        read_json(path)
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="names open files as Linux does")

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -100,8 +101,9 @@ def test_a_run_leaves_everything_behind_and_can_be_resumed(
 
 def test_training_is_reproducible_and_resumes_from_the_very_weights(config: Path, tmp_path: Path) -> None:
     def train(name: str) -> Trainer:
-        trainer = Trainer(Settings.load(config, ["training.tensorboard=false"]), tmp_path / name, quiet=True)
-        assert trainer.run() == 0
+        settings = Settings.load(config, ["training.tensorboard=false"])
+        with closing(Trainer(settings, tmp_path / name, quiet=True)) as trainer:
+            assert trainer.run() == 0
         return trainer
 
     first, second = train("a"), train("b")
@@ -116,6 +118,23 @@ def test_training_is_reproducible_and_resumes_from_the_very_weights(config: Path
     state, expected = (trainer.model.policy.optimizer.state_dict()["state"] for trainer in (resumed, first))
     assert state.keys() == expected.keys() != set()
     assert all(torch.equal(state[key]["exp_avg"], expected[key]["exp_avg"]) for key in state)
+
+
+def test_a_resumed_run_shares_its_randomness_with_no_other(config: Path, tmp_path: Path) -> None:
+    def draws(seed: int, name: str, *, resume: bool) -> tuple[float, ...]:
+        settings = Settings.load(config, ["training.tensorboard=false", f"training.seed={seed}"])
+        with closing(Trainer(settings, tmp_path / name, resume=resume, quiet=True)) as trainer:
+            trainer.progress.steps += resume
+            folder = tmp_path / name / "checkpoints"
+            save_checkpoint(folder, trainer.model, trainer.normaliser, trainer.policy(), trainer.progress)
+            return float(torch.rand(1)), float(np.random.rand()), float(trainer.model.action_space.sample()[0])  # noqa: NPY002
+
+    # As many seeds apart as there are walkers, and their neighbours.
+    seeds = (0, 1, 16, 17, 32)
+    seen = [draws(seed, f"run-{seed}", resume=resume) for resume in (False, True, True) for seed in seeds]
+    assert all(len(set(kind)) == len(seen) for kind in zip(*seen, strict=True))
+    again = [draws(16, "again", resume=resume) for resume in (False, True, True)]
+    assert again == seen[seeds.index(16) :: len(seeds)]
 
 
 @pytest.mark.parametrize("kind", ["motor", "friction"])
@@ -275,11 +294,13 @@ def test_mistakes_on_the_command_line_leave_no_folder(
 def test_a_checkpoint_of_another_network_is_refused(config: Path, tmp_path: Path) -> None:
     trainer = Trainer(Settings.load(config), tmp_path / "run", quiet=True)
     save_checkpoint(tmp_path / "run/checkpoints", trainer.model, trainer.normaliser, trainer.policy(), trainer.progress)
+    trainer.close()
     with pytest.raises(ValueError, match="cannot resume"):
         Trainer(Settings.load(config, ["policy.hidden=[32]"]), tmp_path / "run", resume=True, quiet=True)
     with pytest.raises(ValueError, match="cannot resume"):
         Trainer(Settings.load(config, ["env.observation.frames=1"]), tmp_path / "run", resume=True, quiet=True)
-    latest = latest_checkpoint(tmp_path / "run/checkpoints")
+    latest = latest_checkpoint(tmp_path / "run/checkpoints", print)
+    assert latest is not None
     (latest / "progress.json").write_text("{}")
     with pytest.raises(ValueError, match="cannot resume"):
         load_checkpoint(latest, trainer.model, trainer.normaliser)
@@ -332,6 +353,7 @@ def test_a_curriculum_leads_from_its_first_difficulty_to_the_whole_scenario(conf
 
     trainer.env.step_wait = step_wait  # type: ignore[method-assign]
     assert trainer.run() == 0
+    trainer.close()
     # Rollouts of 512 env steps.
     assert seen[::32] == pytest.approx([0.2, 0.6, 1.0, 1.0])
     resumed = Trainer(Settings.load(config, changes), tmp_path / "run", resume=True, quiet=True)

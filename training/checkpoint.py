@@ -11,6 +11,7 @@ import hashlib
 import io
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,9 @@ from prosthesis_gym.sb3 import ObservationMoments, ProsthesisVecEnv
 
 _MODEL_FILE = "model.zip"
 _PROGRESS_FILE = "progress.json"
+_DIGITS = 12
+#: Pattern of the names, which are the steps.
+_NAME = "[0-9]" * _DIGITS
 
 
 @dataclass
@@ -47,7 +51,7 @@ def save_checkpoint(folder: Path, model: PPO, normaliser: VecNormalize, policy: 
         OSError: the disk is full, or else cannot be written to; names the checkpoint.
 
     """
-    target = folder / f"{progress.steps:012d}"
+    target = folder / f"{progress.steps:0{_DIGITS}d}"
     if target.exists():
         # A run that was resumed here and stopped at once has nothing new to say; one that was resumed further back,
         # because this one is damaged, has.
@@ -70,11 +74,19 @@ def save_checkpoint(folder: Path, model: PPO, normaliser: VecNormalize, policy: 
     return target
 
 
-def whole_checkpoints(folder: Path) -> tuple[list[Path], list[tuple[Path, str]]]:
-    """Return the whole checkpoints by their steps, and the damaged ones with what is wrong with them."""
-    found = sorted(path for path in folder.glob("[0-9]*") if path.is_dir())
-    damage = {path: _damage(path) for path in found}
-    return [path for path in found if damage[path] is None], [(path, why) for path, why in damage.items() if why]
+def has_checkpoints(folder: Path) -> bool:
+    """Whether the folder has checkpoints, whole or damaged."""
+    return any(folder.glob(f"{_NAME}/{_PROGRESS_FILE}"))
+
+
+def latest_checkpoint(folder: Path, tell: Callable[[str], None]) -> Path | None:
+    """Return the whole checkpoint of most steps, if there is one; `tell` which damaged ones have more."""
+    for checkpoint in sorted(folder.glob(_NAME), reverse=True):
+        damage = _damage(checkpoint)
+        if damage is None:
+            return checkpoint
+        tell(f"skipping the damaged checkpoint {checkpoint}: {damage}")
+    return None
 
 
 def _damage(checkpoint: Path) -> str | None:
@@ -98,14 +110,6 @@ def walkers(normaliser: VecNormalize) -> ProsthesisVecEnv:
     env = normaliser.unwrapped
     assert isinstance(env, ProsthesisVecEnv)
     return env
-
-
-def latest_checkpoint(folder: Path) -> Path:
-    """Return the whole checkpoint of most steps."""
-    whole, _ = whole_checkpoints(folder)
-    if not whole:
-        raise ValueError(f"nothing to resume: no checkpoint in {folder}")
-    return whole[-1]
 
 
 def load_checkpoint(checkpoint: Path, model: PPO, normaliser: VecNormalize) -> Progress:

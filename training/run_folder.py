@@ -2,7 +2,8 @@
 
 A lock of the operating system keeps a second process out. It ends with its process, however that ends, so that nothing
 stale can stand in the way: neither after a kill, nor where the process's number has been given to another, nor on
-another machine. `trainer.json` only tells the second process whom to ask.
+another machine. `trainer.json` only tells the second process whom to ask. The lock's file stays, and is what a run is
+known by: a folder with anything else in it is somebody else's, and is left alone.
 """
 
 from __future__ import annotations
@@ -17,55 +18,64 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from prosthesis_gym.files import atomic_write, read_json
-from training.checkpoint import whole_checkpoints
+from prosthesis_gym.files import atomic_write, is_temporary, read_json
+from training.checkpoint import has_checkpoints, latest_checkpoint
 
 CHECKPOINTS = "checkpoints"
+EVALUATIONS_FILE = "evaluation.csv"
+POLICY = "policy"
 SETTINGS_FILE = "config.toml"
+TENSORBOARD = "tensorboard"
+#: All that a run leaves, the two files of its report among it.
+_LEFT = (SETTINGS_FILE, CHECKPOINTS, EVALUATIONS_FILE, POLICY, TENSORBOARD, "comparison.txt", "gait.png")
 _LOCK_FILE = "run.lock"
 _OWNER_FILE = "trainer.json"
 
 
 class RunFolder:
-    """A folder that this process alone trains in, from now until `release`.
+    """A folder that one trainer alone trains in, from now until `release`.
 
     Raises:
-        ValueError: another process trains in it.
+        ValueError: another trainer trains in it, or it is neither empty nor a run's.
 
     """
 
     def __init__(self, path: Path) -> None:
+        if not _is_free(path) and not holds_a_run(path):
+            raise ValueError(f"{path} exists, and is not empty: choose another folder with --out")
         self.path = path
         path.mkdir(parents=True, exist_ok=True)
-        # This process may hold the lock more than once.
-        self._lock = FileLock(path / _LOCK_FILE, is_singleton=True)
+        # Of no thread: whoever closes a trainer releases it.
+        self._lock = FileLock(path / _LOCK_FILE, thread_local=False)
         try:
             self._lock.acquire(timeout=0)
         except Timeout:
             raise ValueError(
                 f"{path} is in use: {_owner(path)} trains in it; choose another folder with --out"
             ) from None
-        owner = {"pid": os.getpid(), "host": socket.gethostname(), "since": datetime.now().isoformat(" ", "seconds")}
-        with atomic_write(path / _OWNER_FILE) as temporary:
-            temporary.write_text(json.dumps(owner), encoding="utf-8")
-        _remove_unfinished_files(path)
+        try:
+            _remove_unfinished_files(path)
+            _write_owner(path)
+        except BaseException:
+            self.release()
+            raise
 
     def release(self) -> None:
-        """Let others train in it."""
-        (self.path / _OWNER_FILE).unlink(missing_ok=True)
-        self._lock.release()
+        """Let others train in it; once that is so, do nothing."""
+        if not self._lock.is_locked:
+            return
+        try:
+            (self.path / _OWNER_FILE).unlink(missing_ok=True)
+        finally:
+            self._lock.release()
 
     def newest_checkpoint(self, tell: Callable[[str], None]) -> Path | None:
         """Return the whole checkpoint of most steps, if there is one; `tell` what is skipped."""
-        whole, damaged = whole_checkpoints(self.path / CHECKPOINTS)
-        for path, reason in damaged:
-            if not whole or path.name > whole[-1].name:
-                tell(f"skipping the damaged checkpoint {path}: {reason}")
-        return whole[-1] if whole else None
+        return latest_checkpoint(self.path / CHECKPOINTS, tell)
 
     def clear(self, tell: Callable[[str], None]) -> None:
         """Make room for a start: what a run without a whole checkpoint left goes into a folder of its own."""
-        left = [path for path in self.path.iterdir() if not _is_bookkeeping(path)]
+        left = [path for name in _LEFT if os.path.lexists(path := self.path / name)]
         if not left:
             return
         number = 1
@@ -78,17 +88,19 @@ class RunFolder:
 
 
 def holds_a_run(path: Path) -> bool:
-    """Whether the folder has anything of a run, finished or not."""
-    return (path / SETTINGS_FILE).is_file()
+    """Whether the folder is a run's, finished or not."""
+    # Older runs, and copies of runs, may lack the file of the lock.
+    return (path / _LOCK_FILE).is_file() or has_checkpoints(path / CHECKPOINTS)
 
 
-def is_free(path: Path) -> bool:
-    """Whether a run may make itself at home in the folder: it is not there, or empty."""
-    return not path.exists() or (path.is_dir() and all(_is_bookkeeping(entry) for entry in path.iterdir()))
+def _is_free(path: Path) -> bool:
+    return not path.exists() or (path.is_dir() and not any(path.iterdir()))
 
 
-def _is_bookkeeping(path: Path) -> bool:
-    return path.name in (_LOCK_FILE, _OWNER_FILE) or path.name.startswith("unfinished-")
+def _write_owner(path: Path) -> None:
+    owner = {"pid": os.getpid(), "host": socket.gethostname(), "since": datetime.now().isoformat(" ", "seconds")}
+    with atomic_write(path / _OWNER_FILE) as temporary:
+        temporary.write_text(json.dumps(owner), encoding="utf-8")
 
 
 def _owner(path: Path) -> str:
@@ -101,8 +113,8 @@ def _owner(path: Path) -> str:
 
 def _remove_unfinished_files(path: Path) -> None:
     """Remove what a killed process was writing: nobody else writes here."""
-    for folder in (path, path / CHECKPOINTS, path / "policy"):
-        for entry in folder.glob(".*"):
+    for folder in (path, path / CHECKPOINTS, path / POLICY):
+        for entry in filter(is_temporary, list(folder.glob(".*"))):
             if entry.is_dir():
                 shutil.rmtree(entry, ignore_errors=True)
             else:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
 
 from prosthesis_gym.console import spell_what_cannot_be_encoded
 from prosthesis_gym.extras import optional
-from prosthesis_gym.files import read_text
 from prosthesis_gym.progress import waiting
 from training.settings import Settings
 
@@ -47,14 +47,14 @@ def _main(options: argparse.Namespace) -> int:
     source = options.config or options.resume / "config.toml"
     settings = Settings.load(source, changes)
     folder, resume = options.resume or options.out or Path("runs") / source.stem, options.resume is not None
-    if options.go_on and not resume:
-        folder, resume = _where_to_go_on(folder, settings)
-
     with waiting("loading PyTorch", shown=not options.quiet):
         optional("stable_baselines3", "train")
         # What takes seconds to import comes after mistakes were named.
         from training.report import write_report  # noqa: PLC0415
+        from training.run_folder import holds_a_run  # noqa: PLC0415
         from training.trainer import Trainer  # noqa: PLC0415
+    if options.go_on and not resume:
+        folder, resume = _where_to_go_on(folder, settings, holds_a_run)
     console, errors = _console(quiet=options.quiet), _console(stderr=True)
     with waiting("preparing", shown=not options.quiet):
         trainer = Trainer(settings, folder, resume=resume, quiet=options.quiet, tell=errors.print)
@@ -73,15 +73,29 @@ def _main(options: argparse.Namespace) -> int:
     return 0
 
 
-def _where_to_go_on(folder: Path, settings: Settings) -> tuple[Path, bool]:
+def _where_to_go_on(folder: Path, settings: Settings, holds_a_run: Callable[[Path], bool]) -> tuple[Path, bool]:
     """Return the folder of a run of these settings and whether it exists: the first of folder, folder-2, ... ."""
     number, place = 1, folder
-    while (place / "config.toml").is_file():
-        if read_text(place / "config.toml") == settings.to_toml():
+    while holds_a_run(place) and (place / "config.toml").is_file():
+        if _trains_the_same(place / "config.toml", settings):
             return place, True
         number += 1
         place = folder.with_name(f"{folder.name}-{number}")
     return place, False
+
+
+def _trains_the_same(path: Path, settings: Settings) -> bool:
+    """Whether a run's file has these settings, but for those that only say when to stop and on how many threads."""
+    try:
+        others = Settings.load(path)
+    except (ValueError, OSError):  # of another version, or of a preset that is no more
+        return False
+
+    def what(settings: Settings) -> Settings:
+        training = replace(settings.training, seconds=1.0, env_threads=1, torch_threads=1)
+        return replace(settings, training=training, table={})
+
+    return what(others) == what(settings)
 
 
 def _console(*, stderr: bool = False, quiet: bool = False) -> Console:
@@ -103,7 +117,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--go-on",
         action="store_true",
-        help="if the folder has a run of these very settings, go on with it; if of others, take a new folder beside it",
+        help="if the folder has a run of these settings, limit of time and threads apart, go on with it; if of others, "
+        "take a new folder beside it",
     )
     parser.add_argument("--seconds", type=float, metavar="S", help="stop learning after this wall time")
     parser.add_argument("--quiet", action="store_true", help="no progress bar and no table")

@@ -34,7 +34,15 @@ from training.callbacks import (
 )
 from training.checkpoint import Progress, load_checkpoint, save_checkpoint
 from training.export import export_policy
-from training.run_folder import CHECKPOINTS, SETTINGS_FILE, RunFolder, holds_a_run, is_free
+from training.run_folder import (
+    CHECKPOINTS,
+    EVALUATIONS_FILE,
+    POLICY,
+    SETTINGS_FILE,
+    TENSORBOARD,
+    RunFolder,
+    holds_a_run,
+)
 from training.settings import Settings
 
 
@@ -56,7 +64,7 @@ class BoundedReward(VecEnvWrapper):
 
 
 class Trainer:
-    """One run in one folder, which no other process may train in until `close`.
+    """One run in one folder, which no other trainer may train in until `close`.
 
     Args:
         settings: what to train.
@@ -66,7 +74,7 @@ class Trainer:
         tell: takes a line that says what is out of the ordinary in the folder.
 
     Raises:
-        ValueError: nothing to resume, a run that could be resumed, or a folder that is another process's or no run's.
+        ValueError: nothing to resume, a run that could be resumed, or a folder that is another trainer's or no run's.
 
     """
 
@@ -79,10 +87,8 @@ class Trainer:
         quiet: bool = False,
         tell: Callable[[str], None] = print,
     ) -> None:
-        if resume and not holds_a_run(folder) and not (folder / CHECKPOINTS).is_dir():
+        if resume and not holds_a_run(folder):
             raise ValueError(f"nothing to resume: no checkpoint in {folder}")
-        if not resume and not holds_a_run(folder) and not is_free(folder):
-            raise ValueError(f"{folder} exists, and is not empty: choose another folder with --out")
         self.settings = settings
         self.folder = folder
         self.quiet = quiet
@@ -137,14 +143,16 @@ class Trainer:
             self.curriculum = CurriculumCallback(options.curriculum_steps, options.start_difficulty)
             # Learning resets the environment before its first rollout.
             self.env.set_attr("difficulty", self.curriculum.difficulty(self.progress.steps))
-        # Resumed walkers must not live through the first episodes once more, nor those of runs with other seeds.
-        self.model.set_random_seed(options.seed + self.progress.resumptions * settings.num_envs)
-        self.env.seed(run_seed(options.seed, self.progress.resumptions))
+        # A resumed run must not draw its first actions and live through its first episodes once more, nor those of runs
+        # with other seeds.
+        seed = run_seed(options.seed, self.progress.resumptions)
+        self.model.set_random_seed(_seed_of_32_bits(seed) if self.progress.resumptions else options.seed)
+        self.env.seed(seed)
         with atomic_write(folder / SETTINGS_FILE) as path:
             path.write_text(settings.to_toml(), encoding="utf-8")
-        self.log = EvaluationLog(folder / "evaluation.csv")
+        self.log = EvaluationLog(folder / EVALUATIONS_FILE)
         formats = ["tensorboard"] if options.tensorboard else []
-        self.model.set_logger(sb3_logger.configure(str(folder / "tensorboard"), formats))
+        self.model.set_logger(sb3_logger.configure(str(folder / TENSORBOARD), formats))
 
     def run(self) -> int:
         """Train to the end, or to a signal; return the number of that signal or 0."""
@@ -199,7 +207,7 @@ class Trainer:
         )
         best = self.log.is_best(result)
         if best:
-            policy.save(self.folder / "policy")
+            policy.save(self.folder / POLICY)
         self.log.append(self.progress.steps, self.progress.seconds, result)
         self.model.logger.record("evaluation/fall_rate", result.fall_rate)
         self.model.logger.record("evaluation/mean_return", result.mean_return)
@@ -208,6 +216,11 @@ class Trainer:
         line = f"{self.progress.steps:>12,} steps, {self.progress.seconds:4.0f} s: {result.fall_rate:.1%} fall "
         line += f"({low:.1%} to {high:.1%}), return {result.mean_return:.2f}"
         return f"{line}, best so far" if best else line
+
+
+def _seed_of_32_bits(seed: int) -> int:
+    """Return what PyTorch's and NumPy's global generators take in place of a seed of any size."""
+    return int(np.random.SeedSequence(seed).generate_state(1)[0])
 
 
 def _model(settings: Settings, env: VecNormalize) -> PPO:
