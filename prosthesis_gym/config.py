@@ -1,5 +1,6 @@
 """Configuration: TOML and dictionaries in, one nested dictionary out. The schema itself lives in the Rust core."""
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -24,6 +25,9 @@ REFERENCE_SOLVER: Config = {"solver": {"stepper": "rk4", "steps": 50}}
 
 #: Levels of a configuration at most, as in the core.
 _DEEPEST = 32
+
+#: What the core says of a value that Python could not turn into one of the schema's type.
+_WRONG_TYPE = re.compile(r"([\w.]+): (?:TypeError|OverflowError|ValueError): ")
 
 _DISTRIBUTIONS = frozenset({"uniform", "log_uniform", "normal", "choice"})
 
@@ -85,18 +89,40 @@ def resolve(config: Mapping[str, Any]) -> Config:
 
     """
     given = plain(config)
-    resolved = _core.resolve(given)
+    try:
+        resolved = _core.resolve(given)
+    except ValueError as error:
+        wrong = _WRONG_TYPE.match(str(error))
+        if wrong is None:
+            raise
+        raise ValueError(f"{wrong[1]} = {_at(given, wrong[1])!r} must be {_allowed(wrong[1])}") from None
     _refuse_flags(given, resolved, "")
     return resolved
 
 
+def _at(config: Config, key: str) -> Any:  # noqa: ANN401 - whatever stands there
+    """Return what stands at a dotted key, or None."""
+    value: Any = config
+    for name in key.split("."):
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value
+
+
+def _allowed(key: str) -> str:
+    """Say what the schema has at a key."""
+    row = next((row for row in _core.parameters() if row["key"] == key), None)
+    return "a number" if row is None else f"a number in {row['range']} {row['unit']}".rstrip()
+
+
 def _refuse_flags(given: object, resolved: Any, key: str) -> None:  # noqa: ANN401 - whatever the schema has there
-    """Raise where `given` says true or false and the schema wants a number: Python counts them among the numbers."""
+    """Raise where one of `given` and the schema has true or false and the other has not.
+
+    Python counts them among the numbers, and takes whatever is not empty for true.
+    """
     if isinstance(given, bool) and not isinstance(resolved, bool):
-        ranges = {row["key"]: f" in {row['range']} {row['unit']}".rstrip() for row in _core.parameters()}
-        raise ValueError(  # noqa: TRY004 - as all bad values
-            f"{key} = {str(given).lower()} must be a number{ranges.get(key, '')}"
-        )
+        raise ValueError(f"{key} = {str(given).lower()} must be {_allowed(key)}")  # noqa: TRY004 - as all bad values
+    if isinstance(resolved, bool) and not isinstance(given, bool):
+        raise ValueError(f"{key} = {given!r} must be true or false")  # noqa: TRY004 - as all bad values
     if isinstance(given, Mapping) and isinstance(resolved, Mapping):
         for name, value in given.items():
             _refuse_flags(value, resolved.get(name), f"{key}.{name}" if key else name)

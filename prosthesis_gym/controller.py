@@ -180,12 +180,13 @@ class SensorController:
                 readings[name] = readings[name] * self._full
         remedy = "add {group!r} to observation.groups of the configuration"
         returned = np.asarray(call_with_channels(self._command, readings, "the controller's function", remedy))
-        if returned.dtype.kind not in "fiu" or returned.shape not in ((), (len(observations),)):
+        number = len(observations)
+        if returned.dtype.kind not in "fiu" or returned.shape not in ((), (number,), (number, 1)):
             raise ValueError(
                 f"the controller's function returned shape {returned.shape} and dtype {returned.dtype}, "
-                f"must return numbers of shape ({len(observations)},), or one for all"
+                f"must return numbers of shape ({number},) or ({number}, 1), or one for all"
             )
-        commands = np.broadcast_to(returned.astype(np.float64), len(observations))
+        commands = np.broadcast_to(returned.astype(np.float64).reshape(-1), number)
         if not np.isfinite(commands).all():
             raise ValueError(f"command = {commands[~np.isfinite(commands)][0]} must be a finite number")
         if self.device == "motor":

@@ -85,6 +85,17 @@ _USES: Sequence[_Use] = (
         ["action.max_stiffness_nm_rad", "action.max_damping_nms_rad", "action.max_rest_angle_deg"],
     ),
     _chosen("action.mode", ["direct", "residual", "impedance"], ["action.latch"]),
+    _Use(
+        ["action.latch"],
+        "a knee whose state machine tells the phases of the gait apart",
+        lambda view: view["action.latch"] != "phase" or DEVICES[view["device.kind"]].has_phases,
+    ),
+    _Use(
+        ["sensors.motor_position"],
+        "a controller that reads the motor's position, which none does",
+        lambda _: False,
+        ["sensors.knee_encoder"],
+    ),
     # What is wrong with all sensors may be said of a motor's as well, whatever the knee.
     _Use(
         _MOTOR_SENSORS,
@@ -117,6 +128,7 @@ _USES: Sequence[_Use] = (
             "human.standing_trunk_stiffness_nm_rad",
             "human.standing_trunk_damping_nms_rad",
             "human.standing_trunk_limit_nm_kg",
+            "body.trunk_inertia_kg_m2",
         ],
     ),
     _chosen(
@@ -243,7 +255,7 @@ def _refuse_idle(layer: Layer, below: Config, final: _View, ignored: Sequence[st
                 continue
             if any(_names(layer.config, other) for other in use.beside):
                 continue
-            if not _holds_below(use, below):
+            if not _holds_below(use, merge({"device": {"kind": final["device.kind"]}}, below)):
                 raise ValueError(f"{key} = {value!r} has no effect: it needs {use.needs}{_instead(use, final)}")
 
 

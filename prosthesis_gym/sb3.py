@@ -97,7 +97,8 @@ class ProsthesisVecEnv(VecEnv):
         self._began = time.perf_counter()
         self._infos: list[dict[str, Any]] = [{"TimeLimit.truncated": False} for _ in range(num_envs)]
         self._actions = np.zeros(self.envs.action_space.shape or ()).reshape(-1)
-        self._fixed = frozenset(dir(self.envs)) - _SETTABLE
+        arguments = signature(ProsthesisVectorEnv).parameters
+        self._fixed = (frozenset(dir(self.envs)) | frozenset(arguments)) - _SETTABLE
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
         self.metadata["render_fps"] = self.envs.metadata["render_fps"]
 
@@ -232,7 +233,7 @@ class ProsthesisVecEnv(VecEnv):
         """Set an attribute that all walkers share: `difficulty`, or one of the caller's own.
 
         Raises:
-            ValueError: `indices` that do not name all walkers, or an attribute that is fixed.
+            ValueError: `indices` that do not name all walkers, or what is fixed when the environment is made.
 
         """
         self._check_all(indices, f"attribute {attr_name!r}")

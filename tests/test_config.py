@@ -153,3 +153,28 @@ def test_bad_batch_arguments_are_named(arguments: tuple[Any, ...], complaint: st
 def test_a_negative_number_of_environments_is_named() -> None:
     with pytest.raises(ValueError, match=re.escape("num_envs = -3 is outside its allowed range [1, 16777216]")):
         ProsthesisVectorEnv(-3)
+
+
+@pytest.mark.parametrize("value", ["no", "off", "false", 2.5, None, "", [], 1])
+def test_flags_are_true_or_false_and_nothing_else(value: object) -> None:
+    for config in (
+        {"state_machine": {"recovery": value}},
+        {"scenario": {"profile": [{"time_s": 0.0, "speed_m_s": 1.0, "walk": value}]}},
+    ):
+        with pytest.raises(ValueError, match=r"(recovery|walk) = .* must be true or false"):
+            resolve(config)
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [
+        ({"action": {"hold": -1}}, r"action\.hold = -1 must be a number in \[1, 200\]"),
+        ({"action": {"hold": 2.5}}, r"action\.hold = 2\.5 must be"),
+        ({"solver": {"steps": -1}}, r"solver\.steps = -1 must be"),
+        ({"knee": {"spring_nm_rad": "abc"}}, r"knee\.spring_nm_rad = 'abc' must be a number in .* N m/rad"),
+        ({"knee": {"spring_nm_rad": None}}, r"knee\.spring_nm_rad = None must be a number"),
+    ],
+)
+def test_values_of_a_wrong_type_are_named_with_what_is_allowed(config: dict[str, object], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        resolve(config)

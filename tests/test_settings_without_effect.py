@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -289,3 +290,27 @@ def test_what_an_episode_drew_is_told(capsys: pytest.CaptureFixture[str]) -> Non
     assert f"body_mass_kg = {mass_kg}" in printed
     assert main(["walk", "--duration", "0.5"]) == 0
     assert "drawn" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("kind", "config"),
+    [
+        ("motor", {"knee": {"spring_nm_rad": 1.0}}),
+        ("motor", {"state_machine": {"recovery": False}}),
+        ("motor", {"action": {"max_command_nms2_rad2": 10.0}}),
+        ("friction", {"knee": {"max_damping_nms2_rad2": 1.0}}),
+        ("friction", {"action": {"latch": "phase"}}),
+        ("motor", {"sensors": {"motor_position": {"noise": 1.0}}}),
+        ("damper", {"body": {"trunk_inertia_kg_m2": 3.0}}),
+        ("damper", {"body": {"sole_radius_m": 0.3}}),
+        ("damper", {"mechanism": {"hip": "inverse"}, "human": {"hip_stiffness_nm_rad": 900.0}}),
+    ],
+)
+def test_settings_of_another_leg_than_the_environments_id_are_refused(kind: str, config: Config) -> None:
+    for make in (
+        lambda: gymnasium.make(DEVICES[kind].env_id, config=config),
+        lambda: gymnasium.make_vec(DEVICES[kind].env_id, num_envs=2, config=config),
+        lambda: ProsthesisVectorEnv(2, config, device=kind),
+    ):
+        with pytest.raises(ValueError, match="has no effect: it needs"):
+            make()

@@ -213,6 +213,9 @@ impl Batch {
     /// State of the environments at `indices`: put back, each goes on bit for bit.
     pub fn save(&self, indices: &[usize]) -> Result<Vec<u8>> {
         self.check_indices(indices)?;
+        // What is saved, and twice its bytes while they grow.
+        let bytes = 3 * indices.len() as u64 * self.setup.most_saved_bytes() as u64;
+        memory::check(&format!("the state of {} environments", indices.len()), bytes)?;
         let saved = indices.iter().map(|&index| {
             let saved = self.blocks[index / self.width].save(&self.setup, index % self.width);
             saved.ok_or_else(|| Error::Invalid(format!("environment {index} has not been reset yet")))

@@ -18,12 +18,11 @@ pub fn check(what: &str, bytes: u64) -> Result<()> {
     if available.is_none_or(|available| bytes <= available) && can_be_reserved(bytes) {
         return Ok(());
     }
-    let available = available
-        .map_or_else(|| "fewer".to_owned(), |available| format!("{available} bytes ({})", gigabytes(available)));
-    Err(Error::Invalid(format!(
-        "{what} needs {bytes} bytes of memory ({}), available are {available}",
-        gigabytes(bytes)
-    )))
+    let available = match available {
+        Some(available) if available < bytes => format!("available are {available} bytes ({})", gigabytes(available)),
+        _ => "available are fewer to this process".to_owned(),
+    };
+    Err(Error::Invalid(format!("{what} needs {bytes} bytes of memory ({}), {available}", gigabytes(bytes))))
 }
 
 /// Memory that this process may still use, as far as the system tells.

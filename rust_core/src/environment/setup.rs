@@ -1,5 +1,6 @@
 //! What all environments of a batch share.
 
+use super::SavedEnvironment;
 use crate::config::Config;
 use crate::error::Result;
 use crate::prosthesis_controller::agent::{ActionMap, ObservationMap};
@@ -65,6 +66,11 @@ impl Setup {
     /// Length of one environment's observation.
     pub fn observation_size(&self) -> usize {
         self.config.observation.frames * self.frame_size()
+    }
+
+    /// Memory of one saved environment, at most.
+    pub fn most_saved_bytes(&self) -> usize {
+        size_of::<SavedEnvironment>() + size_of::<f32>() * self.observation_size() + self.most_sensor_bytes
     }
 
     /// How many numbers an action has.

@@ -6,7 +6,7 @@ use numpy::{
 };
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyByteArray, PyBytes, PyDict, PyFrozenSet, PyMapping, PySequence, PySet, PyString};
+use pyo3::types::{PyByteArray, PyBytes, PyDict, PyFrozenSet, PyMapping, PySequence, PySet, PyString, PyTuple};
 use serde::de::DeserializeOwned;
 
 use crate::config::Config;
@@ -83,7 +83,14 @@ fn check_order<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> Py
 pub(super) fn zeros<T: Element>(py: Python<'_>, [rows, width]: [usize; 2]) -> PyResult<Bound<'_, PyArray2<T>>> {
     let bytes = (rows as u64).saturating_mul(width as u64).saturating_mul(size_of::<T>() as u64);
     memory::check(&format!("an array of {rows} x {width} numbers"), bytes)?;
-    Ok(PyArray2::zeros(py, [rows, width], false))
+    new_zeros(py, Ix2(rows, width))
+}
+
+/// A new array of zeros; a MemoryError where NumPy has none, of which its C interface would make a panic.
+pub(super) fn new_zeros<T: Element, D: Dimension>(py: Python<'_>, dimensions: D) -> PyResult<Bound<'_, PyArray<T, D>>> {
+    let shape = PyTuple::new(py, dimensions.slice())?;
+    let array = py.import("numpy")?.call_method1("zeros", (shape, T::get_dtype(py)))?;
+    Ok(array.cast_into::<PyArray<T, D>>()?)
 }
 
 /// Indices, as many as there are environments at most.

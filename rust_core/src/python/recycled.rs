@@ -7,6 +7,8 @@ use numpy::{Element, PyArray, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
+use super::arguments::new_zeros;
+
 /// An array of which others may hold references for a while.
 pub(super) struct Recycled<T, D> {
     array: Py<PyArray<T, D>>,
@@ -15,8 +17,8 @@ pub(super) struct Recycled<T, D> {
 
 impl<T: Element, D: Dimension> Recycled<T, D> {
     /// An array of zeros.
-    pub fn zeros(py: Python<'_>, dimensions: D) -> Self {
-        Self { array: PyArray::zeros(py, dimensions.clone(), false).unbind(), dimensions }
+    pub fn zeros(py: Python<'_>, dimensions: D) -> PyResult<Self> {
+        Ok(Self { array: new_zeros(py, dimensions.clone())?.unbind(), dimensions })
     }
 
     /// Hands it out.

@@ -81,7 +81,7 @@ pub(super) struct Outputs {
 impl Outputs {
     /// Advances every environment of `batch`, and hands out what that gives.
     pub fn step(&self, py: Python<'_>, batch: &Shared<Batch>, shape: Shape, actions: &[f64]) -> PyResult<PyStep> {
-        let mut arrays = self.take(py).unwrap_or_else(|| Arrays::new(py, shape));
+        let mut arrays = self.take(py).map_or_else(|| Arrays::new(py, shape), Ok)?;
         let eventful = arrays.fill(py, batch, actions)?;
         let step = arrays.share(py, eventful);
         self.keep(arrays);
@@ -106,24 +106,24 @@ impl Outputs {
 }
 
 impl Arrays {
-    fn new(py: Python<'_>, Shape { num_envs, observation_size, autoreset }: Shape) -> Self {
+    fn new(py: Python<'_>, Shape { num_envs, observation_size, autoreset }: Shape) -> PyResult<Self> {
         let column = Ix1(num_envs);
         let observations = Ix2(num_envs, observation_size);
         let terms = Ix2(num_envs, TERMS.len());
         let finals = autoreset == Autoreset::SameStep;
-        Self {
-            observations: Recycled::zeros(py, observations),
-            rewards: Recycled::zeros(py, column),
-            terminated: Recycled::zeros(py, column),
-            truncated: Recycled::zeros(py, column),
-            terms: Recycled::zeros(py, terms),
-            reasons: Recycled::zeros(py, column),
-            started: Recycled::zeros(py, column),
-            final_observations: finals.then(|| Recycled::zeros(py, observations)),
-            episode_returns: Recycled::zeros(py, column),
-            episode_steps: Recycled::zeros(py, column),
-            episode_terms: Recycled::zeros(py, terms),
-        }
+        Ok(Self {
+            observations: Recycled::zeros(py, observations)?,
+            rewards: Recycled::zeros(py, column)?,
+            terminated: Recycled::zeros(py, column)?,
+            truncated: Recycled::zeros(py, column)?,
+            terms: Recycled::zeros(py, terms)?,
+            reasons: Recycled::zeros(py, column)?,
+            started: Recycled::zeros(py, column)?,
+            final_observations: finals.then(|| Recycled::zeros(py, observations)).transpose()?,
+            episode_returns: Recycled::zeros(py, column)?,
+            episode_steps: Recycled::zeros(py, column)?,
+            episode_terms: Recycled::zeros(py, terms)?,
+        })
     }
 
     /// Returns whether any environment was reset or ended.

@@ -138,8 +138,10 @@ lanes! {
     pub struct CommandScale, CommandScaleLanes {
         /// Command at action +1.
         full: f64,
-        /// What the unit can do at most.
-        limit: f64,
+        /// What the unit can do at least: as much backwards, or nothing.
+        least: f64,
+        /// What it can do at most.
+        most: f64,
         /// Current per knee torque of an ideal drive train, A/(N m).
         current_per_torque: f64,
     }
@@ -152,7 +154,8 @@ impl From<&Config> for CommandScale {
             DeviceKind::Motor => (config.motor.current_limit_a, config.motor.current_limit_a),
             DeviceKind::Friction => (config.friction_knee.max_friction_nm, config.friction_knee.max_friction_nm),
         };
-        Self { full, limit, current_per_torque: 1.0 / config.motor.torque_per_ampere() }
+        let least = if config.device.kind == DeviceKind::Motor { -limit } else { 0.0 };
+        Self { full, least, most: limit, current_per_torque: 1.0 / config.motor.torque_per_ampere() }
     }
 }
 
@@ -328,8 +331,7 @@ impl ActionMap {
             ActionMode::Constant => {}
         }
         for lane in 0..L {
-            let limit = scale.limit[lane];
-            command[lane] = clamp(command[lane], if self.signed { -limit } else { 0.0 }, limit);
+            command[lane] = clamp(command[lane], scale.least[lane], scale.most[lane]);
         }
         command
     }
