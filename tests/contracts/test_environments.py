@@ -46,7 +46,7 @@ def test_every_end_has_a_reason_and_the_time_limit_truncates(env_id: str) -> Non
         assert truncated == (step == 100)
         assert info["termination_reason"] == (TerminationReason.TIME_LIMIT if truncated else TerminationReason.NONE)
 
-    falling = gymnasium.make(env_id, config={"action": {"mode": "constant"}, "state_machine": {"recovery": False}})
+    falling = gymnasium.make(env_id, config={"action": {"mode": "constant"}})
     reasons = set()
     for seed in range(5):
         falling.reset(seed=seed)
