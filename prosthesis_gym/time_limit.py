@@ -1,11 +1,17 @@
 """How long episodes are at most: `scenario.duration_s`, an argument in its place, or Gymnasium's TimeLimit."""
 
+from __future__ import annotations
+
 import copy
+from typing import TYPE_CHECKING
 
 from gymnasium.envs.registration import EnvSpec
 
 from prosthesis_gym import _core
 from prosthesis_gym.arguments import check_whole
+
+if TYPE_CHECKING:
+    from prosthesis_gym.walkers import Walkers
 
 #: `max_episode_steps` for episodes without a limit.
 UNLIMITED = -1
@@ -29,17 +35,13 @@ def set_limit(batch: _core.Batch, max_episode_steps: object) -> None:
 class Limited:
     """An environment whose specification says how long its episodes are at most."""
 
+    walkers: Walkers
     _spec: EnvSpec | None = None
-
-    @property
-    def batch(self) -> _core.Batch:
-        """The core's walkers."""
-        raise NotImplementedError
 
     @property
     def max_episode_steps(self) -> int | None:
         """Env steps of an episode at most; None without a limit."""
-        return self.batch.max_episode_steps
+        return self.walkers.batch.max_episode_steps
 
     @property
     def spec(self) -> EnvSpec | None:
