@@ -68,7 +68,7 @@ def test_no_walker_of_a_scenario_diverges(device: str, scenario: str) -> None:
 
 def test_no_walker_of_tortures_walkable_part_diverges() -> None:
     rounds = len(SENSOR_FAULTS) * len(GROUNDS) * len(WALKABLE) * 2
-    report = torture(rounds * 48 * ROUND_STEPS, walkers=48, scenarios=WALKABLE)
+    report = torture(rounds * 24 * ROUND_STEPS, walkers=24, scenarios=WALKABLE)
     assert report.rounds == rounds
     assert sum(sum(ended.values()) for ended in report.ends.values()) > 1000
     assert report.violations == {}
