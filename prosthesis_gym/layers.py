@@ -128,7 +128,6 @@ _USES: Sequence[_Use] = (
             "human.standing_trunk_stiffness_nm_rad",
             "human.standing_trunk_damping_nms_rad",
             "human.standing_trunk_limit_nm_kg",
-            "body.trunk_inertia_kg_m2",
         ],
     ),
     _chosen(
@@ -141,6 +140,13 @@ _USES: Sequence[_Use] = (
             "human.standing_hip_stiffness_nm_rad",
             "human.standing_hip_limit_nm_kg",
         ],
+    ),
+    # A body is described whole, whatever of it moves a leg.
+    _Use(
+        ["body.trunk_inertia_kg_m2"],
+        "mechanism.trunk = 'forward'",
+        lambda view: view["mechanism.trunk"] == "forward",
+        ["body.trunk_mass_kg"],
     ),
     _Use(["body.sole_radius_m"], "body.sole_points of more than 2", lambda view: view["body.sole_points"] > 2),
     _switched("ground.step_height_m", "ground.step_x_m"),
