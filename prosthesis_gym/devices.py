@@ -11,10 +11,6 @@ class Device:
     env_id: str
     #: Key of section `action` with the command of `action.mode = "constant"`.
     constant_key: str
-    #: Key of section `action` with the largest correction of `action.mode = "residual"`.
-    residual_key: str
-    #: Dotted keys, or sections of them, that no other knee unit reads.
-    own_keys: tuple[str, ...]
     #: What that command is.
     command_name: str
     #: Its unit.
@@ -37,14 +33,6 @@ DEVICES = {
     "damper": Device(
         env_id="prosthesis_gym/DamperKnee-v0",
         constant_key="constant_nms2_rad2",
-        residual_key="residual_nms2_rad2",
-        own_keys=(
-            "knee",
-            "state_machine",
-            "action.max_command_nms2_rad2",
-            "action.residual_nms2_rad2",
-            "action.constant_nms2_rad2",
-        ),
         command_name="damping",
         command_unit="N m s²/rad²",
         full_command_key=("action", "max_command_nms2_rad2"),
@@ -52,16 +40,6 @@ DEVICES = {
     "motor": Device(
         env_id="prosthesis_gym/MotorKnee-v0",
         constant_key="constant_a",
-        residual_key="residual_a",
-        own_keys=(
-            "motor",
-            "motor_state_machine",
-            "action.residual_a",
-            "action.constant_a",
-            "action.max_stiffness_nm_rad",
-            "action.max_damping_nms_rad",
-            "action.max_rest_angle_deg",
-        ),
         command_name="current",
         command_unit="A",
         full_command_key=("motor", "current_limit_a"),
@@ -70,8 +48,6 @@ DEVICES = {
     "friction": Device(
         env_id="prosthesis_gym/FrictionKnee-v0",
         constant_key="constant_nm",
-        residual_key="residual_nm",
-        own_keys=("friction_knee", "action.residual_nm", "action.constant_nm"),
         command_name="friction",
         command_unit="N m",
         full_command_key=("friction_knee", "max_friction_nm"),

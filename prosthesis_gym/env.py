@@ -16,7 +16,7 @@ from prosthesis_gym.callers import limit_of_make, wrappers_of_reset
 from prosthesis_gym.reasons import TerminationReason
 from prosthesis_gym.rendering.canvas import Frame
 from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
-from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.reward_terms import RewardTerm, groups_seen
 from prosthesis_gym.seeding import check_seed, core_seed, first_seed
 from prosthesis_gym.time_limit import UNLIMITED, Limited, set_limit
 from prosthesis_gym.vector_env import check_actions, env_steps_per_s
@@ -65,8 +65,10 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
-        mode = check_render_mode(render_mode)
-        self.config = environment_config(config, device, scenario=scenario, reward=reward)
+        mode = check_render_mode(render_mode, render_size)
+        self.config = environment_config(
+            config, device, scenario=scenario, reward=reward, seen=groups_seen(reward_terms)
+        )
         self.walkers = Walkers(1, self.config, reward_terms, "disabled", 1, max_episode_steps=max_episode_steps)
         observation_space, action_space = spaces(self.config)
         self.observation_space = cast("Space[Observations]", observation_space)

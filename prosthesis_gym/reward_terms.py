@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.channels import call_with_channels
-from prosthesis_gym.config import Config, merge
+from prosthesis_gym.config import Config, merge, resolve
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,29 @@ class Step:
     episode_terms: NDArray[np.float64]
 
 
+def groups_seen(terms: Sequence[RewardTerm]) -> tuple[str, ...]:
+    """Return the groups of channels that the terms ask for.
+
+    Raises:
+        ValueError: `terms` is no sequence of them.
+
+    """
+    if not isinstance(terms, Sequence) or isinstance(terms, str):
+        raise ValueError(f"reward_terms = {terms!r} must be a list of RewardTerms")  # noqa: TRY004 - as all bad values
+    for term in terms:
+        if not isinstance(term, RewardTerm):
+            raise ValueError(f"reward term {term!r} must be a RewardTerm")  # noqa: TRY004
+    return tuple(dict.fromkeys(group for term in terms for group in term.groups))
+
+
+def with_groups(config: Config, groups: Sequence[str]) -> Config:
+    """Return `config` with these groups behind its own `observation.groups`, where they are not among them."""
+    section = config.get("observation", {})
+    present = section["groups"] if "groups" in section else resolve(config)["observation"]["groups"]
+    added = [group for group in groups if group not in present]
+    return merge(config, {"observation": {"groups": [*present, *added]}}) if added else config
+
+
 class RewardTerms:
     """The terms of one's own of N walkers, with their sums over the present episodes.
 
@@ -130,8 +153,6 @@ class RewardTerms:
     def __init__(self, config: Config, terms: Sequence[RewardTerm], num_envs: int) -> None:
         names = list(_core.TERMS)
         for term in terms:
-            if not isinstance(term, RewardTerm):
-                raise ValueError(f"reward term {term!r} must be a RewardTerm")  # noqa: TRY004
             if term.name in names:
                 taken = "built in" if term.name in _core.TERMS else "given twice"
                 raise ValueError(f"reward term {term.name!r} is {taken}; names must differ")
@@ -141,11 +162,8 @@ class RewardTerms:
         self.names = tuple(names)
         #: The keys of infos that they stand under.
         self.keys = tuple(f"reward_{name}" for name in names)
-        groups = config["observation"]["groups"]
-        needed = dict.fromkeys(group for term in terms for group in term.groups)
-        hidden = [group for group in needed if group not in groups]
         #: Configuration of the core's batch.
-        self.core_config = merge(config, {"observation": {"groups": [*groups, *hidden]}}) if hidden else config
+        self.core_config = with_groups(config, groups_seen(terms))
         self._channels = [channel[0] for channel in _core.channels(self.core_config)]
         self._seen = len(_core.channels(config))
         self._frames: int = config["observation"]["frames"]

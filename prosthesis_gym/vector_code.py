@@ -56,6 +56,8 @@ _STEPPING = {
     "human_prosthesis/state.rs": ("add_scaled", "interpolate"),
     "integrator.rs": ("advance_step", "step"),
     "math.rs": ("exp", "ln"),
+    "prosthesis_controller/agent/action.rs": ("commands", "requests", "torque"),
+    "prosthesis_controller/agent/actuation.rs": ("through",),
     "prosthesis_device/geared_motor.rs": ("rotor_rates",),
     "sensors/channel.rs": ("sample", "digitise"),
     "sensors/mod.rs": ("sample",),

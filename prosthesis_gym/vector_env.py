@@ -14,7 +14,7 @@ from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
 from prosthesis_gym.rendering.canvas import Frame
 from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
-from prosthesis_gym.reward_terms import RewardTerm, Step
+from prosthesis_gym.reward_terms import RewardTerm, Step, groups_seen
 from prosthesis_gym.seeding import check_seed, core_seed, core_seeds, first_seed
 from prosthesis_gym.time_limit import Limited
 from prosthesis_gym.walkers import Autoreset, Observations, Walkers, environment_config, observation_groups, spaces
@@ -101,8 +101,10 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
         render_mode: str | None = None,
         render_size: tuple[int, int] | None = None,
     ) -> None:
-        mode = check_render_mode(render_mode)
-        self.config = environment_config(config, device, scenario=scenario, reward=reward)
+        mode = check_render_mode(render_mode, render_size)
+        self.config = environment_config(
+            config, device, scenario=scenario, reward=reward, seen=groups_seen(reward_terms)
+        )
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         autoreset = _AUTORESET[self.autoreset_mode]
         self.walkers = Walkers(

@@ -1,6 +1,7 @@
 """What single and vector environments share: the core's batch, reward terms of one's own, and saved states."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,7 +15,7 @@ from prosthesis_gym.arguments import check_whole, whole_number
 from prosthesis_gym.config import Config, merge, read_config, resolve
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.layers import Layer, laid_over
-from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step
+from prosthesis_gym.reward_terms import RewardTerm, RewardTerms, Step, with_groups
 from prosthesis_gym.rewards import load_reward
 from prosthesis_gym.scenarios import read_scenario
 from prosthesis_gym.state import seal, unseal
@@ -36,6 +37,7 @@ def environment_config(
     *,
     scenario: str | Path | None = None,
     reward: str | Path | None = None,
+    seen: Sequence[str] = (),
 ) -> Config:
     """Return the complete configuration of an environment; what is given later in this list counts.
 
@@ -44,6 +46,7 @@ def environment_config(
         reward: one of `prosthesis_gym.REWARDS`, or a file (`prosthesis_gym.rewards.load_reward`).
         source: TOML file, nested mapping or None for the defaults.
         device: `device.kind`, if given.
+        seen: groups of channels that somebody else than the agent looks at.
 
     Raises:
         ValueError: impossible configuration, one of another knee unit than `device`, or a setting of `source` that has
@@ -59,7 +62,8 @@ def environment_config(
             Layer({} if reward is None else load_reward(reward), given=False),
             Layer(given),
             Layer({} if device is None else {"device": {"kind": device}}),
-        ]
+        ],
+        partial(with_groups, groups=seen),
     )
     return resolve(config)
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from prosthesis_gym import SCENARIOS, ProsthesisEnv, ProsthesisVectorEnv, _core
+from prosthesis_gym import SCENARIOS, ProsthesisEnv, ProsthesisVectorEnv, RewardTerm, _core
 from prosthesis_gym.cli import main
 from prosthesis_gym.config import Config, merge, resolve
 from prosthesis_gym.controller import SensorController
@@ -19,6 +19,7 @@ from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.evaluation import evaluate
 from prosthesis_gym.layers import Layer, laid_over
 from prosthesis_gym.rewards import REWARDS
+from prosthesis_gym.sb3 import ProsthesisVecEnv
 from prosthesis_gym.scenarios import load_scenario
 from prosthesis_gym.trial import run_trial
 from training.settings import Settings
@@ -39,6 +40,10 @@ CONTEXTS: dict[str, Config] = {
     "compliant": {"socket": {"connection": "compliant"}, "tube": {"connection": "compliant"}},
     "upright": {"mechanism": {"trunk": "forward"}},
     "gusts": {"scenario": {"gust": {"force_n": 20.0}}},
+    "inverse hip": {"mechanism": {"hip": "inverse"}},
+    "one group": {"observation": {"groups": ["knee"]}},
+    "one group, friction": {"device": {"kind": "friction"}, "observation": {"groups": ["shank"]}},
+    "one group, motor": {"device": {"kind": "motor"}, "observation": {"groups": ["thigh"]}},
 }
 
 
@@ -76,15 +81,16 @@ def refused(config: Config, key: str) -> bool:
 
 
 def walked(config: Config) -> NDArray[np.float64]:
-    """Everything that eight walkers hand out in half a second."""
+    """Everything that eight walkers hand out in half a second, and what is recorded of one."""
     resolved = resolve(config)
     batch = _core.Batch(8, resolved, "next_step", 1)
+    batch.record(1)
     handed: list[NDArray[Any]] = [batch.reset(np.arange(8, dtype=np.uint64), None)]
     rng = np.random.default_rng(0)
     for _ in range(100):
         step = batch.step(rng.uniform(-1.0, 1.0, 8 * _core.action_size(resolved)))
         handed += [step.observations, step.rewards[:, None], step.terms]
-    return np.hstack(handed)
+    return np.hstack([*(np.ravel(one) for one in handed), *batch.recording().values()])
 
 
 @pytest.mark.parametrize("context", CONTEXTS)
@@ -104,6 +110,42 @@ def test_what_is_refused_would_have_done_nothing(context: str) -> None:
             refusals += 1
             np.testing.assert_array_equal(walked(config), expected, err_msg=f"{key} = {value}")
     assert refusals > 20
+
+
+def test_the_core_knows_what_is_idle_and_what_it_needs() -> None:
+    idle = _core.idle({"scenario": {"start": "cyclic", "randomise": {"ground.roughness_m": [0.0, 0.01]}}})
+    assert idle["scenario.walk_s"] == ("scenario.start = 'standing' or 'random'", "scenario.start")
+    assert idle["motor.gear_ratio"] == ("device.kind = 'motor'", None)
+    assert "ground.roughness_length_m" not in idle  # its ground may be drawn rough
+    assert "ground.roughness_length_m" in _core.idle({})
+    keys = {row["key"] for row in _core.parameters()}
+    assert set(idle) < keys
+    for needs, switch in idle.values():
+        assert needs
+        assert switch is None or switch in keys
+
+
+def test_channels_that_only_a_reward_term_looks_at_are_read() -> None:
+    config = {"sensors": {"thigh_rate": {"noise": 0.1}}}
+    for make in (ProsthesisEnv, lambda config, **more: ProsthesisVectorEnv(2, config, **more)):
+        with pytest.raises(ValueError, match=r"sensors\.thigh_rate\.noise = 0.1 has no effect: .*the group thigh"):
+            make(config)
+        term = RewardTerm("swing", 1.0, lambda channels: channels["thigh_rate_rad_s"], groups=["thigh"])
+        make(config, reward_terms=[term])
+        make(merge(config, {"observation": {"groups": ["knee", "thigh"]}}))
+    for wrong in (3, [3], "swing"):
+        with pytest.raises(ValueError, match="reward"):
+            ProsthesisEnv(reward_terms=wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("make", [ProsthesisEnv, ProsthesisVectorEnv, lambda **more: ProsthesisVecEnv(2, **more)])
+def test_the_size_of_pictures_that_nobody_draws_is_refused(make: Callable[..., object]) -> None:
+    with pytest.raises(ValueError, match=r"render_size = \(640, 360\) has no effect: it needs render_mode"):
+        make(render_size=(640, 360))
+    for wrong in (3, 0, (640,), (640.0, 360), ("a", "b")):
+        with pytest.raises(ValueError, match="size = "):
+            make(render_size=wrong, render_mode="rgb_array")
+    make(render_size=(640, 360), render_mode="rgb_array")
 
 
 def test_every_setting_of_a_knee_that_the_leg_has_not_is_refused() -> None:
@@ -156,6 +198,10 @@ DOORS: dict[str, Callable[[Config], object]] = {
         ),
         ({"ground": {"stair_count": 3}}, r"ground\.stair_count = 3 .*ground\.stair_rise_m other than 0"),
         ({"reward": {"electricity": -1.0}}, r"reward\.electricity = -1.0 has no effect"),
+        (
+            {"mechanism": {"hip": "inverse"}, "scenario": {"human": {"hip_limit_factor": 0.5}}},
+            r"scenario\.human\.hip_limit_factor = 0.5 .*mechanism\.hip = 'forward', which is 'inverse'",
+        ),
         ({"tube": {"damping_ratio": 0.3}}, r"tube\.damping_ratio = 0.3 .*tube\.connection = 'compliant'"),
     ],
 )

@@ -1,6 +1,7 @@
 """Threads of Python that share environments: they take turns, see whole states only, and change no trajectory."""
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -33,8 +34,8 @@ def steps(batch: _core.Batch) -> list[NDArray[Any]]:
     return told
 
 
-def hammer(calls: list[Callable[[], object]], work: Callable[[], Any]) -> tuple[Any, list[int]]:
-    """Do `work` while a thread per call makes that call over and over; return its result and how often each did."""
+def hammer(calls: list[Callable[[], object]], work: Callable[[], Any]) -> Any:  # noqa: ANN401 - of any work
+    """Do `work` while a thread per call makes that call over and over, at least once; return its result."""
     done = threading.Event()
     faults: list[BaseException] = []
     counts = [0] * len(calls)
@@ -52,12 +53,14 @@ def hammer(calls: list[Callable[[], object]], work: Callable[[], Any]) -> tuple[
         thread.start()
     try:
         result = work()
+        while min(counts) == 0 and not faults:  # on a busy machine
+            time.sleep(0.001)
     finally:
         done.set()
         for thread in threads:
             thread.join()
     assert not faults
-    return result, counts
+    return result
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -75,8 +78,7 @@ def test_readers_wait_and_change_nothing(threads: int) -> None:
         lambda: (batch.recording(), batch.events()),
         lambda: (batch.episodes(), batch.ground_height(9, place)),
     ]
-    told, counts = hammer(readers, lambda: steps(batch))
-    assert min(counts) > 0
+    told = hammer(readers, lambda: steps(batch))
     for ours, theirs in zip(told, expected, strict=True):
         np.testing.assert_array_equal(ours, theirs)
 
@@ -93,15 +95,19 @@ def test_states_and_recordings_taken_meanwhile_are_whole() -> None:
         states.append(batch.get_state([4]))
         assert len({len(column) for column in batch.recording().values()}) == 1
 
-    observations = []
+    observations: list[NDArray[Any]] = []
 
-    def work() -> None:
-        for _ in range(100):
-            observations.append(batch.step(np.full(8, 0.3)).observations[4].copy())
+    def work() -> int:
+        observations.extend(batch.step(np.full(8, 0.3)).observations[4].copy() for _ in range(50))
+        between = len(states) + 1  # one that is begun after these steps, and ends before the next
+        while len(states) <= between:
+            time.sleep(0.001)
+        observations.extend(batch.step(np.full(8, 0.3)).observations[4].copy() for _ in range(50))
+        return between
 
-    hammer([take], work)
+    between = hammer([take], work)
     other, compared = _core.Batch(1, CONFIG, "disabled", 1), 0
-    for state in states[:: max(1, len(states) // 20)]:
+    for state in [states[between], *states[:: max(1, len(states) // 20)]]:
         other.set_state(state, [0])
         here = other.reset(None, np.zeros(1, dtype=np.bool_))[0]
         if (found := [index for index, seen in enumerate(observations) if (seen == here).all()]) and found[0] < 99:
@@ -135,7 +141,4 @@ def test_difficulty_of_an_environment_can_be_read_while_it_steps() -> None:
     envs = ProsthesisVectorEnv(WALKERS, CONFIG)
     envs.reset(seed=0)
     action = np.zeros((WALKERS, 1), dtype=np.float32)
-    _, counts = hammer(
-        [lambda: envs.difficulty, lambda: envs.get_state([3])], lambda: [envs.step(action) for _ in range(200)]
-    )
-    assert min(counts) > 0
+    hammer([lambda: envs.difficulty, lambda: envs.get_state([3])], lambda: [envs.step(action) for _ in range(200)])

@@ -31,8 +31,10 @@ _PICTURE_SIZE = (640, 360)
 _GAP = 2
 
 
-def check_render_mode(mode: str | None) -> RenderMode | None:
-    """Return the mode, or raise a ValueError."""
+def check_render_mode(mode: str | None, size: tuple[int, int] | None = None) -> RenderMode | None:
+    """Return the mode, or raise a ValueError: unknown, or a size of pictures that nobody draws."""
+    if mode is None and size is not None:
+        raise ValueError(f"render_size = {size!r} has no effect: it needs render_mode = 'rgb_array' or 'human'")
     for known in RENDER_MODES:
         if mode == known:
             return known
@@ -67,7 +69,8 @@ class BatchRendering:
         self._config = config
         self._count = min(walkers.num_envs, MOST_DRAWN)
         window_size = _WINDOW_SIZE if self._count == 1 else _TILED_WINDOW_SIZE
-        self._size = check_size(size or (window_size if mode == "human" else _PICTURE_SIZE))
+        usual = window_size if mode == "human" else _PICTURE_SIZE
+        self._size = check_size(usual if size is None else size)
         self._columns = math.ceil(math.sqrt(self._count))
         self._rows = math.ceil(self._count / self._columns)
         self._each = self._size if mode == "rgb_array" else self._tile_size()

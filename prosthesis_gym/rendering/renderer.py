@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from prosthesis_gym.arguments import check_whole
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.rendering.camera import Camera
 from prosthesis_gym.rendering.canvas import Canvas, Frame
@@ -31,12 +32,14 @@ _SIZES = ((160, 90), (3840, 2160))
 def check_size(size: tuple[int, int]) -> tuple[int, int]:
     """Return the size (width, height), or raise a ValueError."""
     (least_width, least_height), (most_width, most_height) = _SIZES
-    width, height = size
+    if not isinstance(size, tuple | list) or len(size) != 2:
+        raise ValueError(f"size = {size!r} must be width and height in pixels")
+    width, height = (check_whole(number, "size") for number in size)
     if not (least_width <= width <= most_width and least_height <= height <= most_height):
         raise ValueError(
             f"size = {width}x{height} must be {least_width}x{least_height} to {most_width}x{most_height} pixels"
         )
-    return int(width), int(height)
+    return width, height
 
 
 class WalkerRenderer:

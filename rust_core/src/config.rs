@@ -8,6 +8,7 @@ use crate::feasibility::Span;
 use crate::human_controller::HumanParams;
 use crate::hybrid_dynamics::body::BodyParams;
 use crate::hybrid_dynamics::general_walker::MechanismParams;
+use crate::idle::{self, Idle};
 use crate::integrator::Stepper;
 use crate::params::{ParameterDoc, within};
 use crate::prosthesis_controller::agent::action::ActionMode;
@@ -22,7 +23,7 @@ use crate::prosthesis_device::socket::SocketParams;
 use crate::prosthesis_device::tube::TubeParams;
 use crate::prosthesis_device::variable_damper::VariableDamperParams;
 use crate::prosthesis_device::{DeviceKind, DeviceParams};
-use crate::randomisation::Randomiser;
+use crate::randomisation::{DrawnSpan, Randomiser};
 use crate::repetition::ATTEMPTS;
 use crate::reward::RewardParams;
 use crate::scenario::ScenarioParams;
@@ -184,6 +185,17 @@ impl Config {
         Span::of(self).check()?;
         Randomiser::new(self)?;
         Ok(())
+    }
+
+    /// Settings that change nothing for any walker, by their dotted keys, and what they need.
+    pub fn idle(&self) -> Result<Vec<(String, Idle)>> {
+        let drawn: Vec<_> = Randomiser::new(self)?.iter().flat_map(Randomiser::spans).collect();
+        let mut spans: Vec<_> = drawn.iter().map(DrawnSpan::as_span).collect();
+        if spans.is_empty() {
+            spans.push(Span::of(self));
+        }
+        let keys = Self::table().into_iter().map(|row| row.key);
+        Ok(keys.filter_map(|key| idle::set(&spans, &key).map(|idle| (key, idle))).collect())
     }
 
     /// Steps of the integration per control period, as many as any walker needs that may be drawn.

@@ -130,33 +130,30 @@ impl Randomiser {
 
     /// Checks all walkers that may be drawn.
     fn check(&self, Variants(variants): &Variants) -> Result<()> {
-        let spans: Vec<DrawnSpan> = self.spans().collect();
+        let drawn: Vec<DrawnSpan> = self.spans().collect();
+        let spans: Vec<Span<'_>> = drawn.iter().map(DrawnSpan::as_span).collect();
         for (index, (variant, span)) in variants.iter().zip(&spans[1..]).enumerate() {
             for key in leaves(variant) {
                 let same = key.starts_with("termination.") && key != TERMINATION;
-                let idle = match idle::reason(&span.as_span(), &key) {
-                    _ if same => Some("it is the same for all walkers"),
+                let reason = match idle::drawn(span, &key) {
+                    _ if same => "it is the same for all walkers".to_owned(),
                     // A body is described whole, whatever of it moves a leg.
-                    _ if key.starts_with("body.") => None,
-                    reason => reason,
+                    Some(idle) if !key.starts_with("body.") => format!("it needs {}", idle.needs),
+                    _ => continue,
                 };
-                if let Some(reason) = idle {
-                    let key = format!("scenario.variants[{index}].{key}");
-                    return Err(Error::Schema { key, reason: format!("would change nothing: {reason}") });
-                }
+                let key = format!("scenario.variants[{index}].{key}");
+                return Err(Error::Schema { key, reason: format!("would change nothing: {reason}") });
             }
         }
         for key in self.keys() {
-            let idle: Option<Vec<_>> = spans.iter().map(|span| idle::reason(&span.as_span(), key)).collect();
-            if let Some(reason) = idle.as_ref().and_then(|reasons| reasons.first()) {
-                return Err(Error::Schema {
-                    key: randomised_path(key),
-                    reason: format!("would change nothing: {reason}"),
-                });
+            let idle: Option<Vec<_>> = spans.iter().map(|span| idle::drawn(span, key)).collect();
+            if let Some(idle) = idle.as_ref().and_then(|reasons| reasons.first()) {
+                let reason = format!("would change nothing: it needs {}", idle.needs);
+                return Err(Error::Schema { key: randomised_path(key), reason });
             }
         }
         for (index, span) in spans.iter().enumerate() {
-            span.as_span().check().map_err(|error| {
+            span.check().map_err(|error| {
                 let base = index
                     .checked_sub(1)
                     .map_or_else(String::new, |variant| format!(" with scenario.variants[{variant}]"));

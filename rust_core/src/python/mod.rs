@@ -9,6 +9,8 @@ mod dynamics;
 mod recycled;
 mod step;
 
+use std::collections::HashMap;
+
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -66,6 +68,14 @@ fn resolve<'py>(py: Python<'py>, config: &Bound<'py, PyAny>) -> PyResult<Bound<'
     pythonize::pythonize(py, &config).map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
+/// Settings that change nothing for any walker of a configuration, by their dotted keys: what each needs, and the key that
+/// turns it on and off, if there is one.
+#[pyfunction]
+fn idle(config: &Bound<'_, PyAny>) -> PyResult<HashMap<String, (&'static str, Option<&'static str>)>> {
+    let settings = read_config(config)?.idle()?;
+    Ok(settings.into_iter().map(|(key, idle)| (key, (idle.needs, idle.switch))).collect())
+}
+
 /// Observation frame of the configured knee unit: (name, low, high, meaning) in order.
 #[pyfunction]
 fn channels(config: &Bound<'_, PyAny>) -> PyResult<Vec<(&'static str, f32, f32, &'static str)>> {
@@ -113,6 +123,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<dynamics::PyChain>()?;
     module.add_function(wrap_pyfunction!(parameters, module)?)?;
     module.add_function(wrap_pyfunction!(resolve, module)?)?;
+    module.add_function(wrap_pyfunction!(idle, module)?)?;
     module.add_function(wrap_pyfunction!(channels, module)?)?;
     module.add_function(wrap_pyfunction!(channel_groups, module)?)?;
     module.add_function(wrap_pyfunction!(action_size, module)?)?;

@@ -4,16 +4,15 @@
 //! action ─> held for `hold` periods or until the gait phase changes ─> mode ─> delay ─> rate limit ─> low-pass ─> command
 //! ```
 
-use std::collections::VecDeque;
-
 use serde::{Deserialize, Serialize};
 
+use super::actuation::{Actuation, ActuationLanes, Actuations, Lag};
 use crate::config::Config;
 use crate::lanes::lanes;
 use crate::math::{clamp, max, min};
 use crate::params::{ANY, Parameter, Range, above, params, within};
 use crate::prosthesis_device::DeviceKind;
-use crate::signals::{CONTROL_PERIOD_S, ReadingsLanes};
+use crate::signals::ReadingsLanes;
 
 /// What the action means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -115,11 +114,7 @@ pub struct ActionMap {
     residual: f64,
     constant: f64,
     impedance: Impedance,
-    delay: usize,
-    /// Commands of a full action per second; 0 for no limit.
-    rate_limit: f64,
-    /// Share of its way to the new command that the low-pass goes in a control period.
-    filter_share: f64,
+    lag: Lag,
 }
 
 /// Scale of an impedance action.
@@ -167,51 +162,6 @@ impl<const L: usize> CommandScaleLanes<L> {
     }
 }
 
-lanes! {
-    /// What lies between an agent and its knee unit remembers, but for its delay.
-    pub struct Actuation, ActuationLanes {
-        /// First number of the action in effect.
-        action_0: f64,
-        /// Second number.
-        action_1: f64,
-        /// Third number.
-        action_2: f64,
-        /// Gait phase that it was latched in; 0 before the first.
-        phase: u8,
-        /// Last command that was asked for.
-        requested: f64,
-        /// Last command to the knee unit.
-        command: f64,
-    }
-}
-
-/// The same of a block of walkers, with the commands under way to each, oldest first.
-#[derive(Clone, Debug)]
-pub struct Actuations<const L: usize> {
-    /// Present actions and commands.
-    pub now: ActuationLanes<L>,
-    lines: [VecDeque<f64>; L],
-}
-
-impl<const L: usize> Default for Actuations<L> {
-    fn default() -> Self {
-        Self { now: ActuationLanes::default(), lines: std::array::from_fn(|_| VecDeque::new()) }
-    }
-}
-
-impl<const L: usize> Actuations<L> {
-    /// Those in `lane`.
-    pub fn get(&self, lane: usize) -> (Actuation, VecDeque<f64>) {
-        (self.now.get(lane), self.lines[lane].clone())
-    }
-
-    /// Replaces those in `lane`.
-    pub fn set(&mut self, lane: usize, (now, line): (Actuation, VecDeque<f64>)) {
-        self.now.set(lane, now);
-        self.lines[lane] = line;
-    }
-}
-
 impl ActionMap {
     /// The map of the configured knee unit.
     pub fn new(config: &Config) -> Self {
@@ -221,7 +171,6 @@ impl ActionMap {
             DeviceKind::Motor => (true, action.residual_a, action.constant_a),
             DeviceKind::Friction => (false, action.residual_nm, action.constant_nm),
         };
-        let filter = action.filter_s;
         Self {
             mode: action.mode,
             latch: action.latch,
@@ -233,9 +182,7 @@ impl ActionMap {
                 damping: action.max_damping_nms_rad,
                 rest_angle: action.max_rest_angle_deg.to_radians(),
             },
-            delay: action.delay_samples,
-            rate_limit: action.rate_limit_per_s,
-            filter_share: if filter > 0.0 { 1.0 - crate::math::exp(-CONTROL_PERIOD_S / filter) } else { 1.0 },
+            lag: Lag::new(action.delay_samples, action.rate_limit_per_s, action.filter_s),
         }
     }
 
@@ -267,29 +214,8 @@ impl ActionMap {
                 now.phase[lane] = phases[lane];
             }
         }
-        let mut command = self.requests(scale, now, readings, state_machine);
-        now.requested = command;
-        if self.delay > 0 {
-            for (command, line) in command.iter_mut().zip(&mut memory.lines) {
-                line.push_back(*command);
-                // Nothing has been asked for before the start.
-                *command = if line.len() > self.delay { line.pop_front().unwrap_or(0.0) } else { 0.0 };
-            }
-        }
-        if self.rate_limit > 0.0 {
-            for lane in 0..L {
-                let largest = self.rate_limit * scale.full[lane] * CONTROL_PERIOD_S;
-                let change = command[lane] - now.command[lane];
-                command[lane] = now.command[lane] + clamp(change, -largest, largest);
-            }
-        }
-        if self.filter_share < 1.0 {
-            for lane in 0..L {
-                command[lane] = now.command[lane] + self.filter_share * (command[lane] - now.command[lane]);
-            }
-        }
-        now.command = command;
-        command
+        let requested = self.requests(scale, now, readings, state_machine);
+        self.lag.through(memory, &scale.full, requested)
     }
 
     /// What the actions ask for. A current is proportional to its action, damping and friction are quadratic from 0 at -1.
@@ -301,40 +227,34 @@ impl ActionMap {
         readings: &ReadingsLanes<L>,
         state_machine: &[f64; L],
     ) -> [f64; L] {
-        let mut command = [self.constant; L];
+        let limited = |lane: usize, request: f64| clamp(request, scale.least[lane], scale.most[lane]);
         match self.mode {
-            ActionMode::Direct if self.signed => {
-                for lane in 0..L {
-                    command[lane] = scale.full[lane] * now.action_0[lane];
-                }
-            }
-            ActionMode::Direct => {
-                for lane in 0..L {
-                    command[lane] = scale.full[lane] * quadratic(now.action_0[lane]);
-                }
-            }
-            ActionMode::Residual => {
-                for lane in 0..L {
-                    // The state machine may exceed the agent's range; the agent must not cut it.
-                    let limit = max(state_machine[lane], scale.full[lane]);
-                    command[lane] = min(state_machine[lane] + self.residual * now.action_0[lane], limit);
-                }
-            }
-            ActionMode::Impedance => {
-                for lane in 0..L {
-                    let (angle, speed) = (readings.knee_angle[lane], readings.knee_speed[lane]);
-                    let torque = self.impedance.torque(&now.get(lane), angle, speed);
-                    command[lane] = torque * scale.current_per_torque[lane];
-                }
-            }
-            ActionMode::StateMachine => command = *state_machine,
-            ActionMode::Constant => {}
+            ActionMode::Direct if self.signed => lanewise(|lane| limited(lane, scale.full[lane] * now.action_0[lane])),
+            ActionMode::Direct => lanewise(|lane| limited(lane, scale.full[lane] * quadratic(now.action_0[lane]))),
+            ActionMode::Residual => lanewise(|lane| {
+                // The state machine may exceed the agent's range; the agent must not cut it.
+                let limit = max(state_machine[lane], scale.full[lane]);
+                limited(lane, min(state_machine[lane] + self.residual * now.action_0[lane], limit))
+            }),
+            ActionMode::Impedance => lanewise(|lane| {
+                let (angle, speed) = (readings.knee_angle[lane], readings.knee_speed[lane]);
+                let torque = self.impedance.torque(&now.get(lane), angle, speed);
+                limited(lane, torque * scale.current_per_torque[lane])
+            }),
+            ActionMode::StateMachine => lanewise(|lane| limited(lane, state_machine[lane])),
+            ActionMode::Constant => lanewise(|lane| limited(lane, self.constant)),
         }
-        for lane in 0..L {
-            command[lane] = clamp(command[lane], scale.least[lane], scale.most[lane]);
-        }
-        command
     }
+}
+
+/// A number of each lane.
+#[inline(always)]
+fn lanewise<const L: usize>(number: impl Fn(usize) -> f64) -> [f64; L] {
+    let mut numbers = [0.0; L];
+    for lane in 0..L {
+        numbers[lane] = number(lane);
+    }
+    numbers
 }
 
 impl Impedance {
@@ -372,30 +292,6 @@ mod tests {
     /// Command of one walker, no state machine.
     fn command(leg: &Leg, memory: &mut Actuations<1>, action: &[f64], readings: Readings, phase: u8) -> f64 {
         leg.map.commands(&leg.scale, memory, action, &ReadingsLanes::splat(readings), &[phase], &[0.0])[0]
-    }
-
-    /// Commands of full actions, no state machine.
-    fn step_response(leg: &Leg, periods: usize) -> Vec<f64> {
-        let mut memory = Actuations::default();
-        (0..periods).map(|_| command(leg, &mut memory, &[1.0], Readings::default(), 1)).collect()
-    }
-
-    #[test]
-    fn commands_come_late_by_exactly_the_delay() {
-        let commands = step_response(&leg(|config| config.action.delay_samples = 3), 6);
-        assert_eq!(commands, [0.0, 0.0, 0.0, 20.0, 20.0, 20.0]);
-    }
-
-    #[test]
-    fn the_rate_limit_is_kept_and_reached() {
-        let commands = step_response(&leg(|config| config.action.rate_limit_per_s = 50.0), 6);
-        assert_eq!(commands, [5.0, 10.0, 15.0, 20.0, 20.0, 20.0]);
-    }
-
-    #[test]
-    fn the_low_pass_has_come_63_percent_of_the_way_after_its_time_constant() {
-        let commands = step_response(&leg(|config| config.action.filter_s = 0.05), 10);
-        assert!((commands[9] - 20.0 * (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
     }
 
     #[test]
