@@ -20,9 +20,10 @@ const PATIENCE: Duration = Duration::from_micros(30);
 /// Time that helpers may have gained of late and lose again before the caller sends them away, s: a few time slices of the system.
 const MOST_CREDIT_S: f64 = 0.005;
 /// The caller then works alone for so many times as long as they have lost beyond it: where another process wants their cores,
-/// helpers cost at most a fortieth of the time. At most for `LONGEST_REST_S`, after which they are tried again.
+/// helpers cost at most a fortieth of the time. Twice as long whenever they fail again before they have earned that much, at most
+/// for `LONGEST_REST_S`, after which they are tried again.
 const REST: f64 = 40.0;
-const LONGEST_REST_S: f64 = 0.2;
+const LONGEST_REST_S: f64 = 1.0;
 
 /// Blocks to step, their actions, and where outputs go.
 pub struct Work<'a> {
@@ -91,6 +92,8 @@ struct Gain {
     seconds: f64,
     /// Until when the caller works alone.
     rests_until: Option<Instant>,
+    /// How often they have been sent away since they had earned all that they may lose.
+    failures: i32,
 }
 
 impl Gain {
@@ -98,8 +101,11 @@ impl Gain {
     fn note(&mut self, alone: f64, together: f64, now: Instant) {
         self.seconds = (self.seconds + alone - together).min(MOST_CREDIT_S);
         if self.seconds < 0.0 {
-            let rest = (-REST * self.seconds).min(LONGEST_REST_S);
-            *self = Self { seconds: 0.0, rests_until: Some(now + Duration::from_secs_f64(rest)) };
+            let rest = (-REST * self.seconds * 2.0_f64.powi(self.failures)).min(LONGEST_REST_S);
+            let rests_until = Some(now + Duration::from_secs_f64(rest));
+            *self = Self { seconds: 0.0, rests_until, failures: self.failures.saturating_add(1) };
+        } else if self.seconds == MOST_CREDIT_S {
+            self.failures = 0;
         }
     }
 
@@ -281,6 +287,16 @@ mod tests {
         gain.note(1e-3, 4e-3, now);
         let rest = gain.rests_until.unwrap() - now;
         assert!((rest.as_secs_f64() - REST * 1e-3).abs() < 1e-9, "{rest:?}");
+        // The next time twice as much, unless they have earned their credit again.
+        let next = |gain: &mut Gain| {
+            gain.note(1e-3, 2e-3, now);
+            (gain.rests_until.unwrap() - now).as_secs_f64()
+        };
+        assert!((next(&mut gain) - 2.0 * REST * 1e-3).abs() < 1e-9);
+        assert!((next(&mut gain) - 4.0 * REST * 1e-3).abs() < 1e-9);
+        (0..200).for_each(|_| gain.note(1e-3, 0.5e-3, now));
+        gain.note(1e-3, 5.5e-3, now);
+        assert!((next(&mut gain) - 0.5 * REST * 1e-3).abs() < 1e-9);
         // However long a helper was away, it is tried again before long.
         gain.note(1e-3, 2.0, now);
         assert!((gain.rests_until.unwrap() - now).as_secs_f64() <= LONGEST_REST_S);
