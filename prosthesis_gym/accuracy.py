@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S, Config, merge, resolve
 from prosthesis_gym.gait import Stride, mean_powers, stride_table
+from prosthesis_gym.reasons import TerminationReason
 from prosthesis_gym.trial import Trial, run_trial
 
 #: The reference in quarters of its steps, for steady gait: it does not locate impacts on the extension stop, whose
@@ -48,8 +49,6 @@ _KINEMATICS = (
     "hip_peak_residual_stance_m",
     "hip_peak_intact_stance_m",
 )
-
-_DIVERGED = _core.REASONS.index("non_finite")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -131,6 +130,6 @@ def falls(config: Config, episodes: int, seed: int = 0) -> NDArray[np.bool_]:
     fell, over = np.zeros(episodes, dtype=np.bool_), np.zeros(episodes, dtype=np.bool_)
     while not over.all():
         step = batch.step(actions)
-        fell |= step.terminated & (step.reasons != _DIVERGED) & ~over
+        fell |= step.terminated & (step.reasons != TerminationReason.NON_FINITE) & ~over
         over |= step.terminated | step.truncated
     return fell

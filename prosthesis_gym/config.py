@@ -27,7 +27,9 @@ REFERENCE_SOLVER: Config = {"solver": {"stepper": "rk4", "steps": 50}}
 _DEEPEST = 32
 
 #: What the core says of a value that Python could not turn into one of the schema's type.
-_WRONG_TYPE = re.compile(r"([\w.]+): (?:TypeError|OverflowError|ValueError): ")
+_WRONG_TYPE = re.compile(
+    r"([\w.]+)(?:\[\d+\])?: (?:(?:Type|Overflow|Value)Error: |unknown variant|unexpected type|expected either)"
+)
 
 _DISTRIBUTIONS = frozenset({"uniform", "log_uniform", "normal", "choice"})
 
@@ -93,7 +95,7 @@ def resolve(config: Mapping[str, Any]) -> Config:
         resolved = _core.resolve(given)
     except ValueError as error:
         wrong = _WRONG_TYPE.match(str(error))
-        if wrong is None:
+        if wrong is None or _row(wrong[1]) is None:
             raise
         raise ValueError(f"{wrong[1]} = {_at(given, wrong[1])!r} must be {_allowed(wrong[1])}") from None
     _refuse_flags(given, resolved, "")
@@ -110,8 +112,15 @@ def _at(config: Config, key: str) -> Any:  # noqa: ANN401 - whatever stands ther
 
 def _allowed(key: str) -> str:
     """Say what the schema has at a key."""
-    row = next((row for row in _core.parameters() if row["key"] == key), None)
-    return "a number" if row is None else f"a number in {row['range']} {row['unit']}".rstrip()
+    row = _row(key)
+    if row is None:
+        return "a number"
+    number = "a number in " if row["range"].startswith(("[", "(")) else ""
+    return f"{number}{row['range']} {row['unit']}".rstrip()
+
+
+def _row(key: str) -> "_core.ParameterDoc | None":
+    return next((row for row in _core.parameters() if row["key"] == key), None)
 
 
 def _refuse_flags(given: object, resolved: Any, key: str) -> None:  # noqa: ANN401 - whatever the schema has there

@@ -112,11 +112,11 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
 
         Set on a wrapper (as stable-baselines3's `set_attr` does), it moves here at the next reset.
         """
-        return self.batch.difficulty
+        return self.walkers.difficulty
 
     @difficulty.setter
     def difficulty(self, difficulty: float) -> None:
-        self.batch.difficulty = difficulty
+        self.walkers.difficulty = difficulty
 
     def get_state(self) -> bytes:
         """Return the state of the walker; put back, it goes on bit for bit.

@@ -16,7 +16,9 @@ from prosthesis_gym import _core
 from prosthesis_gym.arguments import whole_number
 from prosthesis_gym.config import CONTROL_PERIOD_S, resolve
 from prosthesis_gym.controller import Controller, actions_of, checked, driven
+from prosthesis_gym.reasons import TerminationReason
 from prosthesis_gym.reward_terms import RewardTerm
+from prosthesis_gym.seeding import check_seed, core_seeds
 from prosthesis_gym.walkers import Walkers
 
 #: Seeds from here on are for evaluation: training must stay below.
@@ -34,7 +36,7 @@ _STANDS_STILL = RewardTerm(
 _Z95 = 1.959963984540054
 _PUSHES = ("weakest third of pushes", "middle third of pushes", "strongest third of pushes")
 #: What ends an episode and is no fall: a diverged integration is a failure of the solver, not of the walker.
-_NO_FALLS = ("none", "time_limit", "non_finite")
+_NO_FALLS = (TerminationReason.NONE, TerminationReason.TIME_LIMIT, TerminationReason.NON_FINITE)
 _STARTS = ("from standing", "from a cyclic step")
 
 
@@ -122,14 +124,11 @@ def evaluate(
         ValueError: impossible arguments or actions, or a setting of `config` that has no effect.
 
     """
-    episodes, seed = (
-        whole_number("episodes", episodes, 1, 1_000_000),
-        whole_number("seed", seed, 0, 2**63 - 1, "2^63 - 1"),
-    )
+    episodes, seed = whole_number("episodes", episodes, 1, 1_000_000), check_seed(seed)
     # "next_step" because the batch goes on when some have ended; of each walker the first episode alone counts.
     resolved = resolve(driven(checked(config, controller, scenario), controller))
     walkers = Walkers(episodes, resolved, [_STANDS_STILL], "next_step", threads)
-    observations = walkers.reset(np.arange(seed, seed + episodes, dtype=np.uint64))
+    observations = walkers.reset(core_seeds(seed, episodes))
     drawn = walkers.batch.episodes()
     step_s = resolved["action"]["hold"] * CONTROL_PERIOD_S
     most = math.ceil(resolved["scenario"]["duration_s"] / step_s)
@@ -154,13 +153,12 @@ def evaluate(
         if progress is not None:
             progress(done, most)
 
-    names = np.array(_core.REASONS)[reasons]
-    diverged = names == "non_finite"
-    fell = (names != "time_limit") & ~diverged
+    diverged = reasons == TerminationReason.NON_FINITE
+    fell = (reasons != TerminationReason.TIME_LIMIT) & ~diverged
     profile = resolved["scenario"]["profile"]
     walks_on = not profile or profile[-1]["walk"]
     return EvaluationResult(
-        reasons={name: int((names == name).sum()) for name in _core.REASONS if name not in _NO_FALLS},
+        reasons={one.name.lower(): int((reasons == one).sum()) for one in TerminationReason if one not in _NO_FALLS},
         diverged=int(diverged.sum()),
         stalls=int((~fell & ~diverged & (still * step_s > _STILL_S)).sum()) if walks_on else 0,
         episodes=episodes,

@@ -26,7 +26,7 @@ def read_text(path: str | Path) -> str:
     """
     content = Path(path).read_bytes()
     if content.startswith(_UTF16) or b"\0" in content:
-        raise ValueError(f"{path}: looks like UTF-16, must be UTF-8: save it with the encoding UTF-8")
+        raise ValueError(f"{path}: looks like UTF-16 or UTF-32, must be UTF-8: save it with the encoding UTF-8")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

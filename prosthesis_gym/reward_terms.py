@@ -131,8 +131,11 @@ def groups_seen(terms: Sequence[RewardTerm]) -> tuple[str, ...]:
 
 def with_groups(config: Config, groups: Sequence[str]) -> Config:
     """Return `config` with these groups behind its own `observation.groups`, where they are not among them."""
-    section = config.get("observation", {})
-    present = section["groups"] if "groups" in section else resolve(config)["observation"]["groups"]
+    section = config.get("observation")
+    given = isinstance(section, Mapping) and "groups" in section
+    present = config["observation"]["groups"] if given else resolve(config)["observation"]["groups"]
+    if not isinstance(present, list):
+        return config  # which is refused as such
     added = [group for group in groups if group not in present]
     return merge(config, {"observation": {"groups": [*present, *added]}}) if added else config
 

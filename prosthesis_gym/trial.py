@@ -17,6 +17,7 @@ from prosthesis_gym.controller import Controller, actions_of, checked, driven
 from prosthesis_gym.extras import optional
 from prosthesis_gym.files import atomic_write
 from prosthesis_gym.progress import progress_bar
+from prosthesis_gym.reasons import TerminationReason
 
 #: Codes of the columns `human_state` and `intact_leg_state` (Figure 3).
 STAND, STEP_START, STEP_CYCLE, STEP_STOP = range(4)
@@ -112,12 +113,12 @@ def run_trial(
             if steps % _STEPS_PER_UPDATE == 0:
                 show(CONTROL_PERIOD_S * resolved["action"]["hold"] * steps)
     columns, events = batch.recording(), batch.events()
-    outcome = _early_outcome(_core.REASONS[step.reasons[0]]) if ended_early else _upright_outcome(columns, events)
+    outcome = _early_outcome(TerminationReason(step.reasons[0])) if ended_early else _upright_outcome(columns, events)
     return Trial(columns, events, outcome, resolved, seed, drawn)
 
 
-def _early_outcome(reason: str) -> str:
-    return DIVERGED if reason == "non_finite" else f"fell: {reason}"
+def _early_outcome(reason: TerminationReason) -> str:
+    return DIVERGED if reason is TerminationReason.NON_FINITE else f"fell: {reason.name.lower()}"
 
 
 def _upright_outcome(columns: Mapping[str, NDArray[Any]], events: Mapping[str, NDArray[Any]]) -> str:

@@ -143,11 +143,11 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
 
         0 is the nominal walker, whom nobody disturbs, 1 the scenario as it is. A value outside is a ValueError.
         """
-        return self.batch.difficulty
+        return self.walkers.difficulty
 
     @difficulty.setter
     def difficulty(self, difficulty: float) -> None:
-        self.batch.difficulty = difficulty
+        self.walkers.difficulty = difficulty
 
     def get_state(self, indices: Sequence[int] | None = None) -> bytes:
         """Return the state of the walkers at `indices`, of all by default; put back, each goes on bit for bit.

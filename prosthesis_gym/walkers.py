@@ -1,6 +1,6 @@
 """What single and vector environments share: the core's batch, reward terms of one's own, and saved states."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -235,6 +235,18 @@ class Walkers:
         self.terms.reset(restarted)
         return self.observations(restarted)
 
+    @property
+    def difficulty(self) -> float:
+        """Share of disturbances and randomisation, in [0, 1], of episodes to come."""
+        return self.batch.difficulty
+
+    @difficulty.setter
+    def difficulty(self, difficulty: float) -> None:
+        self.check_open()
+        if isinstance(difficulty, bool | np.bool_) or not isinstance(difficulty, int | float | np.number):
+            raise ValueError(f"difficulty = {difficulty!r} must be a number in [0, 1]")  # noqa: TRY004
+        self.batch.difficulty = float(difficulty)
+
     def close(self) -> None:
         """Refuse everything from now on."""
         self.closed = True
@@ -253,6 +265,8 @@ class Walkers:
         """
         if indices is None:
             return list(range(self.num_envs))
+        if not isinstance(indices, Iterable):
+            raise ValueError(f"indices = {indices!r} must be a list of integers")  # noqa: TRY004 - as all bad values
         selected = [check_whole(index, "index") for index in indices]
         if not selected:
             raise ValueError("indices = [] must name at least one walker")

@@ -50,7 +50,7 @@ def test_difficulty_reaches_the_walkers_through_stable_baselines() -> None:
     assert (env.envs.batch.episodes()["push_n"] == 0.0).all()
 
 
-@pytest.mark.parametrize("difficulty", [-0.1, 1.1, float("nan")])
+@pytest.mark.parametrize("difficulty", [-0.1, 1.1, float("nan"), True, None, "1"])
 def test_difficulty_outside_its_range_is_refused(difficulty: float) -> None:
     for env in (ProsthesisEnv(), ProsthesisVectorEnv(2)):
         with pytest.raises(ValueError, match=r"difficulty = .* \[0, 1\]"):

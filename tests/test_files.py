@@ -45,7 +45,7 @@ def test_every_reader_of_toml_takes_a_byte_order_mark_and_names_what_it_cannot_r
     assert reader(path) == expected
     for encoding in ("utf-16", "utf-16-le", "utf-16-be", "utf-32"):
         path.write_bytes(text.encode(encoding))
-        with pytest.raises(ValueError, match=r"file\.toml: looks like UTF-16, .*save it with the encoding UTF-8"):
+        with pytest.raises(ValueError, match=r"file\.toml: looks like UTF-16 or UTF-32, .*with the encoding UTF-8"):
             reader(path)
     path.write_bytes((text + "# 5\u00b0").encode("latin-1"))
     with pytest.raises(ValueError, match=r"file\.toml, line 3: byte 0xb0 is not UTF-8: save the file"):
