@@ -5,11 +5,29 @@ Whatever is given, a call works or raises; it never ends the process.
 
 import builtins
 from collections.abc import Mapping
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, Self, TypedDict, final, type_check_only
 
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "MOST_ENVIRONMENTS",
+    "REASONS",
+    "TERMS",
+    "Batch",
+    "Chain",
+    "InternalError",
+    "Step",
+    "action_size",
+    "channel_groups",
+    "channels",
+    "idle",
+    "parameters",
+    "resolve",
+    "walker_joints",
+]
+
+@type_check_only
 class ParameterDoc(TypedDict):
     key: str
     default: str
@@ -33,13 +51,12 @@ def idle(config: Mapping[str, Any]) -> dict[str, tuple[str, str | None]]:
     """Return what changes nothing, by dotted keys: what each needs, and the key that turns it on and off, if any."""
 
 def walker_joints(config: Mapping[str, Any]) -> list[dict[str, Any]]: ...
-def forked() -> None:
-    """To be called in every process that has been forked off; Python's own forks do."""
 
+@final
 class Chain:
     """Rows of states in, rows of results out, C-contiguous; a load is (body, points (rows, 2), forces (rows, 2))."""
 
-    def __init__(self, definition: Mapping[str, Any]) -> None: ...
+    def __new__(cls, definition: Mapping[str, Any]) -> Self: ...
     def frames(self, q: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def point_position(self, q: NDArray[np.float64], body: int, point: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def point_velocity(
@@ -66,6 +83,7 @@ class Chain:
     def kinetic_energy(self, q: NDArray[np.float64], qd: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def potential_energy(self, q: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+@final
 class Step:
     """What a step of N environments gives; D is the observation size, T the number of reward terms.
 
@@ -120,6 +138,7 @@ class Step:
     def episode_terms(self) -> NDArray[np.float64]:
         """(N, T): sums of its terms; the rows that count are those of episodes that have ended."""
 
+@final
 class Batch:
     """N environments. Any thread may call it: threads take turns, and wait without the interpreter.
 
@@ -131,13 +150,13 @@ class Batch:
 
     """
 
-    def __init__(
-        self,
+    def __new__(
+        cls,
         num_envs: int,
         config: Mapping[str, Any],
         autoreset: Literal["next_step", "same_step", "disabled"] = "next_step",
         threads: int | None = None,
-    ) -> None: ...
+    ) -> Self: ...
     @property
     def num_envs(self) -> int: ...
     @property

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.callers import limit_of_make, wrappers_of_reset
+from prosthesis_gym.limited import Limited
 from prosthesis_gym.reasons import TerminationReason
 from prosthesis_gym.rendering.canvas import Frame
 from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
 from prosthesis_gym.reward_terms import RewardTerm, groups_seen
 from prosthesis_gym.seeding import check_seed, core_seed, first_seed
-from prosthesis_gym.time_limit import UNLIMITED, Limited, set_limit
+from prosthesis_gym.time_limit import UNLIMITED, set_limit
 from prosthesis_gym.vector_env import check_actions, env_steps_per_s
 from prosthesis_gym.walkers import Observations, Walkers, environment_config, observation_groups, spaces
 

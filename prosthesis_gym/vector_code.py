@@ -1,10 +1,10 @@
 """Are the hot loops vector code? What the processor's instructions in the built library say, on whatever machine.
 
-The stepper is compiled once for each vector unit (`multiversion`, rust_core/src/lanes.rs), and its lane loops are
-inlined into these bodies. A loop that LLVM no longer vectorises gives the same numbers several times as slowly, which
-no other test notices. So the bodies are disassembled, and each function that runs in them lane by lane has to do its
-arithmetic in registers as wide as the vector unit has them. Line tables tell which function an inlined instruction
-belongs to; the editable installation has them.
+The stepper is compiled once for each vector unit (`multiversion`, numerics/lanes.rs in the core), and its lane loops
+are inlined into these bodies. A loop that LLVM no longer vectorises gives the same numbers several times as slowly,
+which no other test notices. So the bodies are disassembled, and each function that runs in them lane by lane has to
+do its arithmetic in registers as wide as the vector unit has them. Line tables tell which function an inlined
+instruction belongs to; the editable installation has them.
 """
 
 from __future__ import annotations
@@ -24,45 +24,47 @@ from prosthesis_gym.extras import optional
 LEAST_SHARE = 0.8
 #: Walkers in a block: the bodies for one walker are scalar by design.
 _LANES = 8
-#: What multiversion calls the bodies of the vector units that rust_core/src/lanes.rs lists, and f64 in their registers.
+#: What multiversion calls the bodies of the vector units that numerics/lanes.rs lists, and f64 in their registers.
 #: Processors without (before 2013) compute in software what the units fuse: nothing is asked of their version.
 _UNITS = {"avx512": ("_avx512", 8), "avx2": ("_avx2_", 4)}
 #: The functions compiled for each unit: the step of a block, and what looks at a block after resets.
-BODIES = ("block::step", "simulation::evaluate")
+BODIES = ("vector::block::step", "closed_loop::simulation::evaluate")
 #: Functions that run lane by lane, by file, and the bodies that they are part of.
 _SENSING = {
-    "compliant_ground.rs": ("contact",),
-    "human_controller/slip_leg.rs": ("trunk_force",),
-    "human_controller/impedance.rs": ("impedance",),
-    "human_controller/reference.rs": ("rough_thigh", "acceleration"),
-    "human_prosthesis/footing.rs": ("sense_feet", "sense_fall", "touch", "deformation_rates"),
-    "human_prosthesis/mod.rs": ("sense", "sense_walker", "sense_command", "load_device", "move_walker", "rates"),
-    "human_prosthesis/torques.rs": ("device_torque", "hip_torque"),
-    "hybrid_dynamics/equations.rs": ("solve", "apply", "turned"),
-    "hybrid_dynamics/walker.rs": ("kinematics", "acceleration", "foot_point", "rates"),
-    "math.rs": ("sin_cos", "tanh"),
-    "prosthesis_device/constant_friction.rs": ("friction_torque",),
-    "prosthesis_device/end_stop.rs": ("extension_stop", "flexion_stop", "rubber"),
-    "prosthesis_device/geared_motor.rs": ("signals", "motor_torque", "rotor_balance"),
-    "prosthesis_device/mod.rs": ("sense", "torques", "rates"),
-    "prosthesis_device/variable_damper.rs": ("damper_torque",),
-    "terrain.rs": ("profile", "surface"),
+    "mechanics/compliant_ground.rs": ("contact",),
+    "human/slip_leg.rs": ("trunk_force",),
+    "human/impedance.rs": ("impedance",),
+    "human/reference.rs": ("rough_thigh", "acceleration"),
+    "plant/contact_force.rs": ("touch",),
+    "plant/footing.rs": ("sense_feet", "sense_fall", "deformation_rates"),
+    "plant/flow.rs": ("sense", "sense_walker", "sense_command", "load_device", "move_walker", "rates"),
+    "plant/torques.rs": ("device_torque", "hip_torque"),
+    "mechanics/equations.rs": ("solve", "apply", "turned"),
+    "mechanics/motion.rs": ("rates",),
+    "mechanics/walker.rs": ("kinematics", "acceleration", "foot_point"),
+    "numerics/math.rs": ("sin_cos", "tanh"),
+    "prosthesis/knee/friction/constant_friction.rs": ("friction_torque",),
+    "prosthesis/end_stop.rs": ("extension_stop", "flexion_stop", "rubber"),
+    "prosthesis/knee/motor/geared_motor.rs": ("signals", "motor_torque", "rotor_balance"),
+    "prosthesis/knee/unit.rs": ("sense", "torques", "rates"),
+    "prosthesis/knee/damper/variable_damper.rs": ("damper_torque",),
+    "mechanics/terrain.rs": ("profile", "surface"),
 }
 _STEPPING = {
-    "compliant_ground.rs": ("deformation_rate",),
-    "human_prosthesis/footing.rs": ("point_force",),
-    "human_prosthesis/mod.rs": ("sense_trunk_forces", "accept"),
-    "human_prosthesis/outputs.rs": ("loads",),
-    "human_prosthesis/state.rs": ("add_scaled", "interpolate"),
-    "integrator.rs": ("advance_step", "step"),
-    "math.rs": ("exp", "ln"),
-    "prosthesis_controller/agent/action.rs": ("commands", "requests", "torque"),
-    "prosthesis_controller/agent/actuation.rs": ("through",),
-    "prosthesis_device/geared_motor.rs": ("rotor_rates",),
+    "mechanics/compliant_ground.rs": ("deformation_rate",),
+    "plant/contact_force.rs": ("point_force",),
+    "plant/flow.rs": ("sense_trunk_forces", "accept"),
+    "plant/outputs.rs": ("loads",),
+    "plant/state.rs": ("add_scaled", "interpolate"),
+    "numerics/integrator.rs": ("advance_step", "step"),
+    "numerics/math.rs": ("exp", "ln"),
+    "agent/action.rs": ("commands", "requests", "torque"),
+    "agent/actuation.rs": ("through",),
+    "prosthesis/knee/motor/geared_motor.rs": ("rotor_rates",),
     "sensors/channel.rs": ("sample", "digitise"),
     "sensors/mod.rs": ("sample",),
-    "sensors/noise.rs": ("normal",),
-    "simulation/mod.rs": ("begin_period", "finish_period"),
+    "numerics/noise.rs": ("normal",),
+    "closed_loop/simulation.rs": ("begin_period", "finish_period"),
 }
 
 _ARITHMETIC = re.compile(r"V?(?:ADD|SUB|MUL|DIV|SQRT|MIN|MAX|FN?M(?:ADD|SUB)(?:132|213|231))(PD|SD)")
@@ -124,7 +126,7 @@ def shares(library: Path) -> list[Share]:
 
 
 def _listed(body: str) -> list[str]:
-    tables = (_SENSING, _STEPPING) if body == "block::step" else (_SENSING,)
+    tables = (_SENSING, _STEPPING) if body == BODIES[0] else (_SENSING,)
     return [f"{file}: {name}" for table in tables for file, names in table.items() for name in names]
 
 

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
+from prosthesis_gym.limited import Limited
 from prosthesis_gym.rendering.canvas import Frame
 from prosthesis_gym.rendering.gym import RENDER_MODES, BatchRendering, check_render_mode
 from prosthesis_gym.reward_terms import RewardTerm, Step, groups_seen
 from prosthesis_gym.seeding import check_seed, core_seed, core_seeds, first_seed
-from prosthesis_gym.time_limit import Limited
 from prosthesis_gym.walkers import Autoreset, Observations, Walkers, environment_config, observation_groups, spaces
 
 _AUTORESET: dict[AutoresetMode, Autoreset] = {

@@ -32,7 +32,7 @@ def test_the_arithmetic_of_every_listed_function_is_packed_at_full_width(built: 
 
 
 def test_a_function_that_is_missing_or_renamed_fails(monkeypatch: pytest.MonkeyPatch) -> None:
-    listed = {"compliant_ground.rs": ("contact", "contact_as_it_was_called_once")}
+    listed = {"mechanics/compliant_ground.rs": ("contact", "contact_as_it_was_called_once")}
     monkeypatch.setattr(vector_code, "_SENSING", listed)
     faults = [share.fault for share in shares(Path(_core.__file__)) if share.fault is not None]
     assert len(faults) == 4
@@ -59,7 +59,7 @@ def test_a_build_in_which_one_lane_loop_is_scalar_fails(tmp_path: Path) -> None:
     for name in ("Cargo.toml", "Cargo.lock", "rust_core"):
         copy = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
         copy(ROOT / name, tmp_path / name)
-    source = tmp_path / "rust_core/src/human_prosthesis/mod.rs"
+    source = tmp_path / "rust_core/src/plant/flow.rs"
     before, loop, after = source.read_text().partition("fn load_device<const FLEXED: bool>")
     assert loop
     # The loop's bounds hidden from the compiler: it cannot be unrolled into vectors.
@@ -78,6 +78,6 @@ def test_a_build_in_which_one_lane_loop_is_scalar_fails(tmp_path: Path) -> None:
     faults = [share.fault for share in shares(library) if share.fault is not None]
     library.unlink()  # lest anybody installs it
     for unit in ("avx512", "avx2"):
-        assert any("load_device in block::step" in fault and unit in fault for fault in faults), faults
+        assert any("load_device in vector::block::step" in fault and unit in fault for fault in faults), faults
     # The rest is as it was: the guard names the loop, not the library.
     assert not any("kinematics" in fault or "whole" in fault for fault in faults), faults

@@ -193,7 +193,8 @@ def guard() -> None:
     table = Table("vector unit", "body", "functions", "instructions", "packed", box=box.SIMPLE_HEAD)
     for (unit, body), group in itertools.groupby(listed, key=lambda share: (share.unit, share.body)):
         whole, *functions = group
-        table.add_row(unit, body, str(len(functions)), f"{whole.instructions:,}", f"{whole.share:.0%}")
+        name = "::".join(body.split("::")[-2:])
+        table.add_row(unit, name, str(len(functions)), f"{whole.instructions:,}", f"{whole.share:.0%}")
     Console().print(table)
     faults = [share.fault for share in listed if share.fault is not None]
     if faults:

@@ -1,60 +1,42 @@
 //! Planar human-prosthesis walking simulator after Driessen, Laffranchi & De Michieli (2023), Wearable Technologies 4, e10.
 //!
 //! ```text
-//!                 intent, speed (scenario)                     pushes (disturbance)
+//!              intent, speed (episode::scenario)             pushes (closed_loop::disturbance)
 //!                        |                                            |
-//!        ┌───────────────v─────────── human_prosthesis ───────────────v──────────────┐
-//!        │   human_controller ──> hybrid_dynamics <──> compliant_ground              │
+//!        ┌───────────────v──────────────── plant ─────────────────────v──────────────┐
+//!        │      human ────────────> mechanics (joints, ground, terrain)              │
 //!        │                              ^                                            │
-//!        │                     prosthesis_device                                     │
+//!        │                          prosthesis                                       │
 //!        └──────────────────────────────^──────────────────────────┬─────────────────┘
-//!                                       | command                  | loads, angles
-//!                            prosthesis_controller <── readings ── sensors
+//!                                       | command                  | loads, angles     closed_loop: 200 Hz
+//!               prosthesis::reference_controller <── readings ── sensors
 //!                                       ^
-//!                                  agent (batch, environment)
+//!                                     agent <── vector (environments, blocks, threads) <── python
 //! ```
+//!
+//! Floors, from the ground up: numerics, schema, signals; human, mechanics, prosthesis, sensors; plant; closed_loop; agent,
+//! episode; config; validation; vector; python. Nothing imports upwards, rooms of one floor know nothing of each other, and no
+//! file imports itself by way of others: `tests/floors.rs` reads the imports.
 
-pub mod error;
-pub mod integrator;
-mod lanes;
-pub mod math;
-pub mod params;
-mod prefetch;
+pub mod numerics;
+pub mod schema;
 pub mod signals;
 
-pub mod compliant_ground;
-pub mod distribution;
-pub mod disturbance;
-pub mod energy_meter;
-pub mod human_controller;
-pub mod human_prosthesis;
-pub mod hybrid_dynamics;
-pub mod prosthesis_controller;
-pub mod prosthesis_device;
-pub mod randomisation;
-pub mod repetition;
-pub mod scenario;
+pub mod human;
+pub mod mechanics;
+pub mod prosthesis;
 pub mod sensors;
-pub mod simulation;
-pub mod terrain;
-pub mod trial;
 
-pub mod batch;
-pub mod block;
+pub mod closed_loop;
+pub mod plant;
+
+pub mod agent;
+pub mod episode;
+
 pub mod config;
-mod crew;
-pub mod environment;
-pub mod feasibility;
-mod idle;
-pub mod judgement;
-mod memory;
+pub mod trial;
+pub mod validation;
+
 #[cfg(feature = "python")]
 mod python;
-pub mod recorder;
-pub mod reward;
-pub mod shared;
-mod shared_job;
-pub mod snapshot;
-pub mod statistics;
-pub mod step_output;
-pub mod termination;
+pub mod vector;

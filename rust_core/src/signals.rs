@@ -1,6 +1,6 @@
 //! The arrows of the block diagram: what one block hands to another, in SI units.
 
-use crate::lanes::lanes;
+use crate::numerics::lanes::lanes;
 
 /// Gravitational acceleration, m/s^2.
 pub const GRAVITY: f64 = 9.81;

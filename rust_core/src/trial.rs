@@ -2,12 +2,13 @@
 
 use std::ops::Deref;
 
+use crate::closed_loop::energy_meter::EnergyMeter;
+use crate::closed_loop::episode::Episode;
+use crate::closed_loop::simulation::{Model, Sampled, Scratch, Simulation};
 use crate::config::Config;
-use crate::energy_meter::EnergyMeter;
-use crate::human_prosthesis::{Evaluated, State};
-use crate::lanes::vectorised;
-use crate::scenario::Episode;
-use crate::simulation::{Model, Sampled, Scratch, Simulation};
+use crate::numerics::lanes::vectorised;
+use crate::plant::outputs::Evaluated;
+use crate::plant::state::State;
 
 /// A block of walkers with all that it needs, for those who look at single walkers.
 #[derive(Clone, Debug)]
@@ -20,7 +21,7 @@ pub struct Trial<const L: usize> {
 impl<const L: usize> Trial<L> {
     /// Walkers with the given parameters, each starting its episode.
     pub fn new(config: &Config, episodes: [Episode; L]) -> Self {
-        let model = Model::new(config);
+        let model = Model::new(&config.loop_params(), config.solvers());
         let (mut simulation, mut scratch) = (Simulation::new(&model), Scratch::new(&model));
         for (lane, episode) in episodes.into_iter().enumerate() {
             simulation.start(&model, lane, episode, &mut scratch);

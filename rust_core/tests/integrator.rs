@@ -2,7 +2,7 @@
 //!
 //! A fixture is a [`Problem`] (rates, Jacobian, event) together with its exact solution; [`Flow`] makes it a block of lanes.
 
-use prosthesis_gym_core::integrator::{HybridFlow, StateVector, Stepper, Workspace, advance};
+use prosthesis_gym_core::numerics::integrator::{HybridFlow, StateVector, Stepper, Workspace, advance};
 
 /// `N` variables of `L` lanes.
 #[derive(Clone, Debug, PartialEq)]

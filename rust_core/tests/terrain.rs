@@ -1,13 +1,15 @@
 //! The walker on ground that is not level: balance of energy and forces, and walking.
 
-use prosthesis_gym_core::compliant_ground::GroundParams;
-use prosthesis_gym_core::config::{Config, SolverParams};
-use prosthesis_gym_core::energy_meter::EnergyMeter;
-use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
-use prosthesis_gym_core::human_prosthesis::{POWERS, Start};
-use prosthesis_gym_core::scenario::Episode;
+use prosthesis_gym_core::closed_loop::energy_meter::EnergyMeter;
+use prosthesis_gym_core::closed_loop::episode::Episode;
+use prosthesis_gym_core::config::Config;
+use prosthesis_gym_core::human::intent::{Knot, Profile};
+use prosthesis_gym_core::mechanics::compliant_ground::GroundParams;
+use prosthesis_gym_core::mechanics::terrain::{self, Terrain};
+use prosthesis_gym_core::plant::powers::POWERS;
+use prosthesis_gym_core::plant::solver::SolverParams;
+use prosthesis_gym_core::plant::start::Start;
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
-use prosthesis_gym_core::terrain::{self, Terrain};
 use prosthesis_gym_core::trial::Trial;
 
 fn periods(seconds: f64) -> usize {

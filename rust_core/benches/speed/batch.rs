@@ -5,12 +5,12 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use serde_json::json;
 
-use prosthesis_gym_core::batch::Batch;
 use prosthesis_gym_core::config::Config;
-use prosthesis_gym_core::environment::Autoreset;
-use prosthesis_gym_core::prosthesis_device::DeviceKind;
-use prosthesis_gym_core::reward::TERMS;
-use prosthesis_gym_core::step_output::StepOutput;
+use prosthesis_gym_core::episode::reward::TERMS;
+use prosthesis_gym_core::prosthesis::knee::kind::DeviceKind;
+use prosthesis_gym_core::vector::autoreset::Autoreset;
+use prosthesis_gym_core::vector::batch::Batch;
+use prosthesis_gym_core::vector::step_output::StepOutput;
 
 use crate::walk::{LANES, config};
 

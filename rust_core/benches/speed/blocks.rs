@@ -3,29 +3,31 @@
 use criterion::Criterion;
 use serde_json::{Value, json};
 
-use prosthesis_gym_core::compliant_ground::{
+use prosthesis_gym_core::config::Config;
+use prosthesis_gym_core::human::drive::{Drive, DriveLanes};
+use prosthesis_gym_core::human::gait_fsm::Memory;
+use prosthesis_gym_core::human::geometry::{Human, HumanLanes, LegGeometry};
+use prosthesis_gym_core::human::impedance::{ImpedanceTorqueLanes, impedance};
+use prosthesis_gym_core::human::params::HumanParams;
+use prosthesis_gym_core::human::reference::{Filter, Reference, ReferenceLanes, rough_thigh};
+use prosthesis_gym_core::human::slip_leg::{TrunkForceLanes, trunk_force};
+use prosthesis_gym_core::human::variation::{HumanVariation, Individual};
+use prosthesis_gym_core::mechanics::body::{Body, BodyLanes, BodyParams};
+use prosthesis_gym_core::mechanics::compliant_ground::{
     ContactLanes, Ground, GroundLanes, GroundParams, contact, deformation_rate,
 };
-use prosthesis_gym_core::config::Config;
-use prosthesis_gym_core::human_controller::gait_fsm::Memory;
-use prosthesis_gym_core::human_controller::impedance::{ImpedanceTorqueLanes, impedance};
-use prosthesis_gym_core::human_controller::reference::{Filter, Reference, ReferenceLanes, rough_thigh};
-use prosthesis_gym_core::human_controller::slip_leg::{TrunkForceLanes, trunk_force};
-use prosthesis_gym_core::human_controller::variation::HumanVariation;
-use prosthesis_gym_core::human_controller::{
-    Drive, DriveLanes, Human, HumanLanes, HumanParams, Individual, LegGeometry,
-};
-use prosthesis_gym_core::hybrid_dynamics::body::{Body, BodyLanes, BodyParams};
-use prosthesis_gym_core::hybrid_dynamics::walker::{
-    self, AccelerationLanes, JointTorque, Kinematics, KinematicsLanes, Loads, Motion, MotionLanes, PointForce,
+use prosthesis_gym_core::mechanics::motion::{
+    AccelerationLanes, JointTorque, Kinematics, KinematicsLanes, Loads, Motion, MotionLanes, PointForce,
     PointForceLanes, PointLanes, PrescribedLanes,
 };
-use prosthesis_gym_core::prosthesis_device::end_stop::{
-    EndStop, EndStopLanes, EndStopParams, extension_stop, flexion_stop,
-};
-use prosthesis_gym_core::prosthesis_device::geared_motor::{MotorSignalsLanes, RotorLanes};
-use prosthesis_gym_core::prosthesis_device::{DeviceKind, JointMotionLanes, KneeUnit, UnitInputs, UnitTorqueLanes};
-use prosthesis_gym_core::sensors::{self, SensorParams, Sensors};
+use prosthesis_gym_core::mechanics::walker;
+use prosthesis_gym_core::prosthesis::end_stop::{EndStop, EndStopLanes, EndStopParams, extension_stop, flexion_stop};
+use prosthesis_gym_core::prosthesis::knee::joint::{JointMotionLanes, UnitTorqueLanes};
+use prosthesis_gym_core::prosthesis::knee::kind::DeviceKind;
+use prosthesis_gym_core::prosthesis::knee::motor::geared_motor::{MotorSignalsLanes, RotorLanes};
+use prosthesis_gym_core::prosthesis::knee::unit::{KneeUnit, UnitInputs};
+use prosthesis_gym_core::sensors::params::SensorParams;
+use prosthesis_gym_core::sensors::{self, Sensors};
 use prosthesis_gym_core::signals::{MeasurandLanes, ReadingsLanes};
 
 use crate::walk::{Block, LANES, Moment, blocks, compare, config, stride};
@@ -239,7 +241,7 @@ impl<const L: usize> Units<L> {
             rates: RotorLanes::default(),
             fired: [false; L],
         };
-        (KneeUnit::new(&config(kind)), blocks(walk, block))
+        (KneeUnit::new(&config(kind).knee_params()), blocks(walk, block))
     }
 }
 

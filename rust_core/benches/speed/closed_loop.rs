@@ -5,12 +5,16 @@ use std::slice::from_mut;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 
-use prosthesis_gym_core::config::SolverParams;
-use prosthesis_gym_core::human_prosthesis::{HumanProsthesis, Model as PlantModel, Signals, State, Walkers};
-use prosthesis_gym_core::integrator::{self, HybridFlow, Stepper, Workspace};
-use prosthesis_gym_core::prosthesis_device::DeviceKind;
+use prosthesis_gym_core::closed_loop::simulation::{Model, Scratch, Simulation};
+use prosthesis_gym_core::numerics::integrator::{self, HybridFlow, Stepper, Workspace};
+use prosthesis_gym_core::plant::model::Model as PlantModel;
+use prosthesis_gym_core::plant::signals::Signals;
+use prosthesis_gym_core::plant::solver::SolverParams;
+use prosthesis_gym_core::plant::state::State;
+use prosthesis_gym_core::plant::system::HumanProsthesis;
+use prosthesis_gym_core::plant::walkers::Walkers;
+use prosthesis_gym_core::prosthesis::knee::kind::DeviceKind;
 use prosthesis_gym_core::signals::CONTROL_PERIOD_S;
-use prosthesis_gym_core::simulation::{Model, Scratch, Simulation};
 
 use crate::walk::{Block, LANES, config, run, steady};
 
@@ -40,7 +44,8 @@ struct ClosedLoop<const L: usize> {
 impl<const L: usize> ClosedLoop<L> {
     fn new(kind: DeviceKind) -> (Model<L>, Self) {
         const SETTLING_PERIODS: usize = 500;
-        let model = Model::new(&config(kind));
+        let config = config(kind);
+        let model = Model::new(&config.loop_params(), config.solvers());
         let (mut simulation, mut scratch) = (Simulation::new(&model), Scratch::new(&model));
         for lane in 0..L {
             simulation.start(&model, lane, steady(1.1 + 0.02 * lane as f64), &mut scratch);

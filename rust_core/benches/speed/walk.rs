@@ -3,19 +3,20 @@
 use criterion::{BenchmarkId, Criterion, Throughput};
 use std::hint::black_box;
 
-use prosthesis_gym_core::compliant_ground::Contact;
+use prosthesis_gym_core::closed_loop::episode::Episode;
 use prosthesis_gym_core::config::Config;
-use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
-use prosthesis_gym_core::human_prosthesis::Start;
-use prosthesis_gym_core::hybrid_dynamics::walker::{Motion, Point, Prescribed};
-use prosthesis_gym_core::prosthesis_device::geared_motor::Rotor;
-use prosthesis_gym_core::prosthesis_device::{DeviceKind, JointMotion};
-use prosthesis_gym_core::scenario::Episode;
+use prosthesis_gym_core::human::intent::{Knot, Profile};
+use prosthesis_gym_core::mechanics::compliant_ground::Contact;
+use prosthesis_gym_core::mechanics::motion::{Motion, Point, Prescribed};
+use prosthesis_gym_core::plant::start::Start;
+use prosthesis_gym_core::prosthesis::knee::joint::JointMotion;
+use prosthesis_gym_core::prosthesis::knee::kind::DeviceKind;
+use prosthesis_gym_core::prosthesis::knee::motor::geared_motor::Rotor;
 use prosthesis_gym_core::signals::Measurand;
 use prosthesis_gym_core::trial::Trial;
 
 /// Lanes of a wide block.
-pub const LANES: usize = prosthesis_gym_core::block::LANES;
+pub const LANES: usize = prosthesis_gym_core::vector::block::LANES;
 
 /// Blocks that single equations run over, so that neither dispatch nor timer counts.
 pub const BLOCKS: usize = 16;

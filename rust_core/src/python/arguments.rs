@@ -10,9 +10,9 @@ use pyo3::types::{PyByteArray, PyBytes, PyDict, PyFrozenSet, PyMapping, PySequen
 use serde::de::DeserializeOwned;
 
 use crate::config::Config;
-use crate::error::{Error, Result};
-use crate::memory;
-use crate::shared::guarded;
+use crate::schema::error::{Error, Result};
+use crate::vector::memory;
+use crate::vector::shared::guarded;
 
 /// Nesting of a configuration, at most. Its own is 4 deep.
 const DEEPEST: usize = 32;

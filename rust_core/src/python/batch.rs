@@ -5,21 +5,20 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
-use super::arguments::{Input1, indices_of, read_config, zeros};
-use super::step::{Outputs, PyStep, Shape};
-use crate::batch::Batch;
-use crate::disturbance::Push;
-use crate::environment::Autoreset;
-use crate::error::{Error, Result};
-use crate::human_controller::intent::Knot;
-use crate::human_controller::variation::HumanVariation;
-use crate::params::{above, within};
-use crate::randomisation::Drawn;
-use crate::recorder::{COLUMNS, FootStrike};
-use crate::repetition::Repeats;
-use crate::scenario::Episode;
-use crate::shared::{Shared, guarded};
-use crate::statistics::{Moments, Normaliser};
+use crate::closed_loop::disturbance::Push;
+use crate::closed_loop::episode::{Drawn, Episode};
+use crate::closed_loop::repetition::Repeats;
+use crate::episode::recorder::{COLUMNS, FootStrike};
+use crate::human::intent::Knot;
+use crate::human::variation::HumanVariation;
+use crate::python::arguments::{Input1, indices_of, read_config, zeros};
+use crate::python::step::{Outputs, PyStep, Shape};
+use crate::schema::error::{Error, Result};
+use crate::schema::params::{above, within};
+use crate::vector::autoreset::Autoreset;
+use crate::vector::batch::Batch;
+use crate::vector::shared::{Shared, guarded};
+use crate::vector::statistics::{Moments, Normaliser};
 
 /// Observations that moments may have seen: the largest whole number below which all others are.
 const MOST_SEEN: f64 = 9_007_199_254_740_992.0;

@@ -6,12 +6,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use serde::Deserialize;
 
-use super::arguments::{Input2, Output, depythonize, read_config, zeros};
-use crate::error::{Error, Result};
-use crate::hybrid_dynamics::chain::{Chain, ExternalForce, Frame, Joint, Vector, Workspace};
-use crate::hybrid_dynamics::walker_chain::walker_joints;
-use crate::prosthesis_device::spring_damper::Connection;
-use crate::shared::guarded;
+use crate::mechanics::chain::{Chain, ExternalForce, Frame, Joint, Vector, Workspace};
+use crate::mechanics::walker_chain::walker_joints;
+use crate::prosthesis::spring_damper::Connection;
+use crate::python::arguments::{Input2, Output, depythonize, read_config, zeros};
+use crate::schema::error::{Error, Result};
+use crate::vector::shared::guarded;
 
 type Results<'py> = PyResult<Bound<'py, PyArray2<f64>>>;
 

@@ -15,13 +15,14 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::batch::MOST_ENVIRONMENTS;
+use crate::agent::action::ActionMap;
+use crate::agent::observation::{Channel, ObservationMap};
 use crate::config::Config;
-use crate::error::Error;
-use crate::prosthesis_controller::agent::{ActionMap, Channel, ObservationMap};
-use crate::reward::TERMS;
-use crate::shared;
-use crate::termination::REASONS;
+use crate::episode::reward::TERMS;
+use crate::episode::termination::REASONS;
+use crate::schema::error::Error;
+use crate::vector::batch::MOST_ENVIRONMENTS;
+use crate::vector::shared;
 use arguments::read_config;
 use batch::PyBatch;
 use step::PyStep;
@@ -79,14 +80,16 @@ fn idle(config: &Bound<'_, PyAny>) -> PyResult<HashMap<String, (&'static str, Op
 /// Observation frame of the configured knee unit: (name, low, high, meaning) in order.
 #[pyfunction]
 fn channels(config: &Bound<'_, PyAny>) -> PyResult<Vec<(&'static str, f32, f32, &'static str)>> {
-    let map = ObservationMap::new(&read_config(config)?);
+    let config = read_config(config)?;
+    let map = ObservationMap::new(&config.observation, config.device.kind);
     Ok(map.channels().iter().map(|c| (c.name, c.bounds[0], c.bounds[1], c.doc)).collect())
 }
 
 /// Group of each channel of an observation frame, in the order of `channels`.
 #[pyfunction]
 fn channel_groups(config: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    let map = ObservationMap::new(&read_config(config)?);
+    let config = read_config(config)?;
+    let map = ObservationMap::new(&config.observation, config.device.kind);
     let name = |channel: &Channel| serde_json::to_value(channel.group).map(|group| group.as_str().map(str::to_owned));
     Ok(map.channels().iter().filter_map(|channel| name(channel).ok().flatten()).collect())
 }
@@ -94,7 +97,8 @@ fn channel_groups(config: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
 /// How many numbers an action has.
 #[pyfunction]
 fn action_size(config: &Bound<'_, PyAny>) -> PyResult<usize> {
-    Ok(ActionMap::new(&read_config(config)?).size())
+    let config = read_config(config)?;
+    Ok(ActionMap::new(&config.action, config.device.kind).size())
 }
 
 /// To be called in every process that has been forked off.

@@ -7,7 +7,7 @@ use numpy::{Element, PyArray, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 
-use super::arguments::new_zeros;
+use crate::python::arguments::new_zeros;
 
 /// An array of which others may hold references for a while.
 pub(super) struct Recycled<T, D> {

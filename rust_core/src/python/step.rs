@@ -6,12 +6,12 @@ use pyo3::prelude::*;
 
 use std::sync::{Mutex, PoisonError};
 
-use super::recycled::Recycled;
-use crate::batch::Batch;
-use crate::environment::Autoreset;
-use crate::reward::TERMS;
-use crate::shared::Shared;
-use crate::step_output::StepOutput;
+use crate::episode::reward::TERMS;
+use crate::python::recycled::Recycled;
+use crate::vector::autoreset::Autoreset;
+use crate::vector::batch::Batch;
+use crate::vector::shared::Shared;
+use crate::vector::step_output::StepOutput;
 
 /// Declares the arrays of a step: one row per environment.
 macro_rules! arrays {

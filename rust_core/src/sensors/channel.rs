@@ -3,9 +3,9 @@
 //! Each stage is a branch around a lane loop, taken if any lane has that imperfection: an ideal channel is the same code with
 //! every stage skipped, and an ideal lane passes its value on.
 
-use super::noise::{self, Use};
-use super::params::{Imperfections, ImperfectionsLanes};
-use crate::math::{clamp, select};
+use crate::numerics::math::{clamp, select};
+use crate::numerics::noise::{self, Use};
+use crate::sensors::params::{Imperfections, ImperfectionsLanes};
 
 /// Constants of a channel of a block of walkers.
 #[derive(Clone, Debug)]

@@ -3,10 +3,9 @@
 //! Knee speed and rate of the ankle moment are computed from readings, so they inherit the imperfections of those.
 
 mod channel;
-pub(crate) mod noise;
 pub mod params;
 
-use crate::lanes::lanes;
+use crate::numerics::lanes::lanes;
 use crate::signals::{CONTROL_PERIOD_S, MeasurandLanes, ReadingsLanes};
 use channel::{Channel, Kind};
 use params::Imperfections;
@@ -49,6 +48,13 @@ channels! {
     motor_position: motor_position,
     motor_speed: motor_speed,
     motor_current: motor_current,
+}
+
+impl SensorParams {
+    /// Memory of the samples under way to one walker's controller.
+    pub fn bytes_under_way(&self) -> usize {
+        imperfections(self).iter().map(|channel| (channel.delay_samples + 1) * size_of::<f64>()).sum()
+    }
 }
 
 lanes! {

@@ -1,7 +1,7 @@
 //! Schema of the sensors: one section per sensor, each with the same keys in the sensor's own unit.
 
-use crate::lanes::lanes;
-use crate::params::{params, within};
+use crate::numerics::lanes::lanes;
+use crate::schema::params::{params, within};
 
 lanes! {
     /// Imperfections of one sensor, in its own unit; zero is ideal.
@@ -105,12 +105,5 @@ params! {
         motor_position: MotorPositionParams,
         motor_speed: MotorSpeedParams,
         motor_current: MotorCurrentParams,
-    }
-}
-
-impl SensorParams {
-    /// Memory of the samples under way to one walker's controller.
-    pub fn bytes_under_way(&self) -> usize {
-        super::imperfections(self).iter().map(|channel| (channel.delay_samples + 1) * size_of::<f64>()).sum()
     }
 }

@@ -1,8 +1,9 @@
 //! The general walker against the specialised one, and its own steps.
 
-use prosthesis_gym_core::hybrid_dynamics::body::Body;
-use prosthesis_gym_core::hybrid_dynamics::general_walker::{Deflection, Evaluation, GeneralWalker, Layout};
-use prosthesis_gym_core::hybrid_dynamics::walker::{self, JointTorque, Loads, Motion, PointForce, Prescribed};
+use prosthesis_gym_core::mechanics::body::Body;
+use prosthesis_gym_core::mechanics::general_walker::{Deflection, Evaluation, GeneralWalker, Layout};
+use prosthesis_gym_core::mechanics::motion::{Acceleration, JointTorque, Loads, Motion, PointForce, Prescribed};
+use prosthesis_gym_core::mechanics::walker;
 
 use super::walker::{random_body, random_loads, random_motion};
 use super::*;
@@ -42,7 +43,7 @@ fn with_the_usual_joints_the_general_walker_is_the_specialised_one_in_explicit_a
         general.assume(&mut work, &motion, &Deflection::default(), &Deflection::default(), &trunk);
         load(&general, &mut work, &trunk, &loads, step);
         let found = general.acceleration(&work);
-        let list = |a: walker::Acceleration| [a.hip_x, a.hip_y, a.thigh, a.shank, a.foot];
+        let list = |a: Acceleration| [a.hip_x, a.hip_y, a.thigh, a.shank, a.foot];
         assert_close(&list(found), &list(expected), 1e-10);
         worst = worst.max(relative_error(&list(found), &list(expected)));
 

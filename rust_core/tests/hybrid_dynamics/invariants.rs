@@ -161,7 +161,7 @@ fn a_split_that_leaves_massless_motion_free_is_an_error_that_names_its_joints() 
 #[test]
 fn impossible_chains_and_arguments_are_errors_that_name_the_value() {
     let message = |result: Result<Chain, _>| {
-        result.map_err(|error: prosthesis_gym_core::error::Error| error.to_string()).unwrap_err()
+        result.map_err(|error: prosthesis_gym_core::schema::error::Error| error.to_string()).unwrap_err()
     };
     assert!(message(Chain::new(vec![], DOWN)).contains("at least one"));
     let heavy = |mass: f64| Chain::new(vec![Joint { mass, ..Joint::massless(Revolute) }], DOWN);

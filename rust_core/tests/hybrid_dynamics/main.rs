@@ -6,10 +6,10 @@ mod invariants;
 mod table_1;
 mod walker;
 
-use prosthesis_gym_core::hybrid_dynamics::body::BodyParams;
-use prosthesis_gym_core::hybrid_dynamics::chain::JointKind::{PrismaticX, PrismaticY, Revolute};
-use prosthesis_gym_core::hybrid_dynamics::chain::{Chain, ExternalForce, Joint, Workspace};
-use prosthesis_gym_core::hybrid_dynamics::walker_chain::walker_joints;
+use prosthesis_gym_core::mechanics::body::BodyParams;
+use prosthesis_gym_core::mechanics::chain::JointKind::{PrismaticX, PrismaticY, Revolute};
+use prosthesis_gym_core::mechanics::chain::{Chain, ExternalForce, Joint, Workspace};
+use prosthesis_gym_core::mechanics::walker_chain::walker_joints;
 use prosthesis_gym_core::signals::GRAVITY;
 use rand::RngExt;
 use rand_pcg::Pcg64;

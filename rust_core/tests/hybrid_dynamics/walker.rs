@@ -1,9 +1,8 @@
 //! The walker's five equations in segment angles against the eight joints of Table 1.
 
-use prosthesis_gym_core::hybrid_dynamics::body::Body;
-use prosthesis_gym_core::hybrid_dynamics::walker::{
-    self, Acceleration, JointTorque, Loads, Motion, Point, PointForce, Prescribed,
-};
+use prosthesis_gym_core::mechanics::body::Body;
+use prosthesis_gym_core::mechanics::motion::{Acceleration, JointTorque, Loads, Motion, Point, PointForce, Prescribed};
+use prosthesis_gym_core::mechanics::walker;
 
 use super::*;
 

@@ -1,8 +1,8 @@
 //! Conservation laws of the limp mechanism in free fall, and what inertial sensors sense of it.
 
-use prosthesis_gym_core::hybrid_dynamics::chain::Chain;
-use prosthesis_gym_core::hybrid_dynamics::walker::Motion;
-use prosthesis_gym_core::hybrid_dynamics::walker_chain::walker_joints;
+use prosthesis_gym_core::mechanics::chain::Chain;
+use prosthesis_gym_core::mechanics::motion::Motion;
+use prosthesis_gym_core::mechanics::walker_chain::walker_joints;
 use prosthesis_gym_core::signals::GRAVITY;
 
 use super::*;

@@ -1,12 +1,12 @@
 //! Energy of the whole system changes by the work of all forces.
 
-use prosthesis_gym_core::disturbance::{Push, TrunkPush};
-use prosthesis_gym_core::energy_meter::EnergyMeter;
-use prosthesis_gym_core::human_prosthesis::POWERS;
-use prosthesis_gym_core::hybrid_dynamics::general_walker::JointDrive;
-use prosthesis_gym_core::integrator::Stepper;
-use prosthesis_gym_core::prosthesis_device::{DeviceKind, DeviceParams};
-use prosthesis_gym_core::scenario::StartChoice;
+use prosthesis_gym_core::closed_loop::disturbance::{Push, TrunkPush};
+use prosthesis_gym_core::closed_loop::energy_meter::EnergyMeter;
+use prosthesis_gym_core::episode::scenario::StartChoice;
+use prosthesis_gym_core::mechanics::joint_drives::JointDrive;
+use prosthesis_gym_core::numerics::integrator::Stepper;
+use prosthesis_gym_core::plant::powers::POWERS;
+use prosthesis_gym_core::prosthesis::knee::kind::{DeviceKind, DeviceParams};
 use rand_pcg::Pcg64;
 
 use super::lanes::restless;
@@ -65,7 +65,7 @@ fn metered(trial: &mut Trial<1>, duration_s: f64) -> (Work, f64) {
 fn the_energy_balance_of_a_restless_walk_closes() {
     let mut scenario = restless();
     scenario.start = StartChoice::Standing;
-    let mut episode = scenario.draw(&mut Pcg64::new(1, 1), 1.0, None);
+    let mut episode = scenario.draw(&mut Pcg64::new(1, 1), 1.0, |_| None);
     // Two pushes that the drawn one would not do: upward, and strong.
     for (time_s, force) in [(1.0, TrunkPush { x: 0.0, y: 150.0 }), (4.0, TrunkPush { x: 150.0, y: -100.0 })] {
         episode.disturbance.pushes.push(Push::new(force, time_s, 0.2, None));

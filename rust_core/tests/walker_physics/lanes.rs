@@ -1,11 +1,11 @@
 //! A lane of a block is the scalar simulation, bit for bit.
 
-use prosthesis_gym_core::compliant_ground::GroundParams;
-use prosthesis_gym_core::distribution::Distribution;
-use prosthesis_gym_core::disturbance::{Push, TrunkPush};
-use prosthesis_gym_core::prosthesis_device::DeviceKind;
-use prosthesis_gym_core::scenario::ScenarioParams;
-use prosthesis_gym_core::simulation::{Model, Scratch, Simulation};
+use prosthesis_gym_core::closed_loop::disturbance::{Push, TrunkPush};
+use prosthesis_gym_core::closed_loop::simulation::{Model, Scratch, Simulation};
+use prosthesis_gym_core::episode::scenario::ScenarioParams;
+use prosthesis_gym_core::mechanics::compliant_ground::GroundParams;
+use prosthesis_gym_core::prosthesis::knee::kind::DeviceKind;
+use prosthesis_gym_core::schema::distribution::Distribution;
 use rand_pcg::Pcg64;
 
 use super::*;
@@ -45,7 +45,7 @@ pub fn restless() -> ScenarioParams {
 fn episodes() -> [Episode; 8] {
     let scenarios = [ScenarioParams::default(), restless()];
     let mut episodes =
-        std::array::from_fn(|lane| scenarios[lane % 2].draw(&mut Pcg64::new(1, lane as u128), 1.0, None));
+        std::array::from_fn(|lane| scenarios[lane % 2].draw(&mut Pcg64::new(1, lane as u128), 1.0, |_| None));
     episodes[5].disturbance.pushes = vec![Push::new(TrunkPush { x: -900.0, y: 0.0 }, 0.5, 0.3, None)];
     episodes
 }
@@ -106,7 +106,7 @@ fn a_walker_has_the_same_bits_without_a_vector_unit() {
         config.device.kind = kind;
         let [.., episode] = episodes();
         let mut trial = Trial::new(&config, [episode.clone()]);
-        let model = Model::new(&config);
+        let model = Model::new(&config.loop_params(), config.solvers());
         let (mut plain, mut scratch) = (Simulation::<1>::new(&model), Scratch::new(&model));
         plain.start(&model, 0, episode, &mut scratch);
         plain.observe_started(&model, &[true], &mut scratch);

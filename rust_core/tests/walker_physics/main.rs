@@ -8,12 +8,13 @@ mod steppers;
 #[path = "../hybrid_dynamics/table_1.rs"]
 mod table_1;
 
-use prosthesis_gym_core::config::{Config, SolverParams};
-use prosthesis_gym_core::human_controller::intent::{Knot, Profile};
-use prosthesis_gym_core::human_prosthesis::Start;
-use prosthesis_gym_core::prosthesis_device::socket::SocketParams;
-use prosthesis_gym_core::prosthesis_device::spring_damper::Connection;
-use prosthesis_gym_core::scenario::Episode;
+use prosthesis_gym_core::closed_loop::episode::Episode;
+use prosthesis_gym_core::config::Config;
+use prosthesis_gym_core::human::intent::{Knot, Profile};
+use prosthesis_gym_core::plant::solver::SolverParams;
+use prosthesis_gym_core::plant::start::Start;
+use prosthesis_gym_core::prosthesis::socket::SocketParams;
+use prosthesis_gym_core::prosthesis::spring_damper::Connection;
 use prosthesis_gym_core::signals::CONTROL_PERIOD_S;
 use prosthesis_gym_core::trial::Trial;
 

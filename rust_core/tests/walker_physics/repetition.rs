@@ -1,12 +1,14 @@
 //! Control periods in which the integration diverges are integrated again, for the walker alone that has diverged.
 
-use prosthesis_gym_core::config::{Config, SolverParams};
-use prosthesis_gym_core::disturbance::{Disturbance, Push, TrunkPush};
-use prosthesis_gym_core::human_controller::intent::Profile;
-use prosthesis_gym_core::human_prosthesis::{Start, WalkerState};
-use prosthesis_gym_core::integrator::Stepper;
-use prosthesis_gym_core::repetition::Repeats;
-use prosthesis_gym_core::scenario::Episode;
+use prosthesis_gym_core::closed_loop::disturbance::{Disturbance, Push, TrunkPush};
+use prosthesis_gym_core::closed_loop::episode::Episode;
+use prosthesis_gym_core::closed_loop::repetition::Repeats;
+use prosthesis_gym_core::config::Config;
+use prosthesis_gym_core::human::intent::Profile;
+use prosthesis_gym_core::numerics::integrator::Stepper;
+use prosthesis_gym_core::plant::solver::SolverParams;
+use prosthesis_gym_core::plant::start::Start;
+use prosthesis_gym_core::plant::state::WalkerState;
 use prosthesis_gym_core::trial::Trial;
 
 use super::{knot, periods, with_solver};

@@ -1,8 +1,8 @@
 //! The fast stepper against the reference, and the order of each on the walker.
 
-use prosthesis_gym_core::human_controller::gait_fsm::{IntactState, ResidualState};
-use prosthesis_gym_core::hybrid_dynamics::walker::Motion;
-use prosthesis_gym_core::integrator::Stepper;
+use prosthesis_gym_core::human::gait_fsm::{IntactState, ResidualState};
+use prosthesis_gym_core::mechanics::motion::Motion;
+use prosthesis_gym_core::numerics::integrator::Stepper;
 
 use super::*;
 

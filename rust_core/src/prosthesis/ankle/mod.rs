@@ -1,0 +1,3 @@
+//! Ankles.
+
+pub mod passive_ankle;

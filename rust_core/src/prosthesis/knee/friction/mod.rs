@@ -1,0 +1,3 @@
+//! The mechanical knee with constant friction.
+
+pub mod constant_friction;
