@@ -72,8 +72,7 @@ def environments() -> str:
     for kind, device in DEVICES.items():
         config = resolve({"device": {"kind": kind}})
         frame = len(_core.channels(config)) * config["observation"]["frames"]
-        section, key = device.full_command_key
-        full = f"{config[section][key]:g} {device.command_unit}"
+        full = f"{_core.command_limits(config)[1]:g} {device.command_unit}"
         rows.append((_code(device.env_id), device.command_name, full, f"({_core.action_size(config)},)", f"({frame},)"))
     return markdown(("id", "command", "command of action +1", "action", "observation"), rows)
 

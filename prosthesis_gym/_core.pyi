@@ -11,8 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "CONTROL_PERIOD_S",
+    "INTACT_STATES",
     "MOST_ENVIRONMENTS",
+    "PHASES",
     "REASONS",
+    "RESIDUAL_STATES",
     "TERMS",
     "Batch",
     "Chain",
@@ -21,6 +25,8 @@ __all__ = [
     "action_size",
     "channel_groups",
     "channels",
+    "command_limits",
+    "devices",
     "idle",
     "parameters",
     "resolve",
@@ -40,12 +46,22 @@ class InternalError(RuntimeError):
 
 TERMS: list[str]
 MOST_ENVIRONMENTS: int
+PHASES: list[str]
 REASONS: list[str]
+RESIDUAL_STATES: list[str]
+INTACT_STATES: list[str]
+CONTROL_PERIOD_S: float
 
 def parameters() -> list[ParameterDoc]: ...
 def channels(config: Mapping[str, Any]) -> list[tuple[str, float, float, str]]: ...
 def channel_groups(config: Mapping[str, Any]) -> list[str]: ...
 def action_size(config: Mapping[str, Any]) -> int: ...
+def devices() -> dict[str, dict[str, Any]]:
+    """Return what the knee units are, by `device.kind`: the fields of `prosthesis_gym.devices.Device`."""
+
+def command_limits(config: Mapping[str, Any]) -> tuple[float, float]:
+    """Return the largest command that the configured knee unit carries out, and that of action +1, in its own unit."""
+
 def resolve(config: Mapping[str, Any]) -> dict[str, Any]: ...
 def idle(config: Mapping[str, Any]) -> dict[str, tuple[str, str | None]]:
     """Return what changes nothing, by dotted keys: what each needs, and the key that turns it on and off, if any."""

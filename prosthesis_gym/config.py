@@ -14,7 +14,7 @@ from prosthesis_gym.files import read_toml
 
 Config = dict[str, Any]
 
-CONTROL_PERIOD_S = 0.005
+CONTROL_PERIOD_S = _core.CONTROL_PERIOD_S
 """Control period of the prosthesis (200 Hz). One env step advances `action.hold` of them."""
 
 FAST_SOLVER: Config = {"solver": {"stepper": "two_stage_w", "steps": 0}}

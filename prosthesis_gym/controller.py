@@ -149,14 +149,10 @@ class SensorController:
         resolved = resolve(configured)
         if resolved["device"]["kind"] != self.device:
             raise ValueError(f"device.kind = {resolved['device']['kind']!r}, but the controller is for {self.device!r}")
-        self._full = {
-            "damper": resolved["knee"]["max_damping_nms2_rad2"],
-            "motor": resolved["motor"]["current_limit_a"],
-            "friction": resolved["friction_knee"]["max_friction_nm"],
-        }[self.device]
+        self._full, _ = _core.command_limits(resolved)
         action: Config = {"mode": "direct", "hold": self.hold}
-        if self.device == "damper":
-            action["max_command_nms2_rad2"] = self._full
+        if (full_key := DEVICES[self.device].full_key) is not None:
+            action[full_key] = self._full
         configured = merge(configured, {"action": action, "observation": {"frames": 1}})
         self._names = [name for name, *_ in _core.channels(resolve(configured))]
         return configured
@@ -189,7 +185,7 @@ class SensorController:
         commands = np.broadcast_to(returned.astype(np.float64).reshape(-1), number)
         if not np.isfinite(commands).all():
             raise ValueError(f"command = {commands[~np.isfinite(commands)][0]} must be a finite number")
-        if self.device == "motor":
+        if DEVICES[self.device].signed:
             return np.clip(commands / self._full, -1.0, 1.0)
         # Damping and friction grow with the square of the action, from 0 at -1.
         actions: NDArray[np.float64] = 2.0 * np.sqrt(np.clip(commands / self._full, 0.0, 1.0)) - 1.0

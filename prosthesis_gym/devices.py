@@ -1,6 +1,8 @@
-"""The knee units, one entry each: what Python must know of them beside the core's schema."""
+"""The knee units, as the core describes them."""
 
 from dataclasses import dataclass
+
+from prosthesis_gym import _core
 
 
 @dataclass(frozen=True)
@@ -9,18 +11,18 @@ class Device:
 
     #: Its Gymnasium environment.
     env_id: str
-    #: Key of section `action` with the command of `action.mode = "constant"`.
-    constant_key: str
-    #: What that command is.
+    #: What a command is.
     command_name: str
     #: Its unit.
     command_unit: str
-    #: Section and key of the largest command.
-    full_command_key: tuple[str, str]
-    #: Whether commands may be negative.
-    signed: bool = False
+    #: Whether commands may be negative: then they are proportional to an action, else quadratic from 0 at -1.
+    signed: bool
     #: Whether its state machine tells the phases of the gait apart.
-    has_phases: bool = True
+    has_phases: bool
+    #: Key of section `action` with the command of `action.mode = "constant"`.
+    constant_key: str
+    #: Key of section `action` with the command of action +1; None where that is all that the unit can do.
+    full_key: str | None
 
     @property
     def command(self) -> str:
@@ -28,29 +30,9 @@ class Device:
         return f"{self.command_name} in {self.command_unit}"
 
 
+def _described(environment: str, **description: object) -> Device:
+    return Device(env_id=f"prosthesis_gym/{environment}", **description)  # type: ignore[arg-type]
+
+
 #: By `device.kind`.
-DEVICES = {
-    "damper": Device(
-        env_id="prosthesis_gym/DamperKnee-v0",
-        constant_key="constant_nms2_rad2",
-        command_name="damping",
-        command_unit="N m s²/rad²",
-        full_command_key=("action", "max_command_nms2_rad2"),
-    ),
-    "motor": Device(
-        env_id="prosthesis_gym/MotorKnee-v0",
-        constant_key="constant_a",
-        command_name="current",
-        command_unit="A",
-        full_command_key=("motor", "current_limit_a"),
-        signed=True,
-    ),
-    "friction": Device(
-        env_id="prosthesis_gym/FrictionKnee-v0",
-        constant_key="constant_nm",
-        command_name="friction",
-        command_unit="N m",
-        full_command_key=("friction_knee", "max_friction_nm"),
-        has_phases=False,
-    ),
-}
+DEVICES = {kind: _described(**description) for kind, description in _core.devices().items()}

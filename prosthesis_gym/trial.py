@@ -20,8 +20,12 @@ from prosthesis_gym.progress import progress_bar
 from prosthesis_gym.reasons import TerminationReason
 
 #: Codes of the columns `human_state` and `intact_leg_state` (Figure 3).
-STAND, STEP_START, STEP_CYCLE, STEP_STOP = range(4)
-INTACT_BOTH, INTACT_SWING, INTACT_STANCE, INTACT_DOUBLE = range(4)
+STAND, STEP_START, STEP_CYCLE, STEP_STOP = map(
+    _core.RESIDUAL_STATES.index, ("stand", "step_start", "step_cycle", "step_stop")
+)
+INTACT_BOTH, INTACT_SWING, INTACT_STANCE, INTACT_DOUBLE = map(
+    _core.INTACT_STATES.index, ("both", "swing", "stance", "double")
+)
 #: Codes of the event column `leg`.
 RESIDUAL, INTACT = range(2)
 

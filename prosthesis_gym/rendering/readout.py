@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from prosthesis_gym import _core
 from prosthesis_gym.config import CONTROL_PERIOD_S
 from prosthesis_gym.devices import Device
 from prosthesis_gym.rendering.canvas import Canvas
@@ -27,7 +28,7 @@ _LEGEND = (
     (COMMAND, "command"),
 )
 _LEGEND_WIDTH = 276.0
-_PHASES = {1: "early stance", 2: "mid stance", 3: "late stance", 4: "swing flexion", 5: "swing extension"}
+_PHASES = {number: name.replace("_", " ") for number, name in enumerate(_core.PHASES, start=1)}
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from prosthesis_gym import _core
 from prosthesis_gym.arguments import check_whole
 from prosthesis_gym.devices import DEVICES
 from prosthesis_gym.rendering.camera import Camera
@@ -72,8 +73,7 @@ class WalkerRenderer:
     ) -> None:
         width, height = self.size = check_size(size)
         self.device = DEVICES[config["device"]["kind"]]
-        section, key = self.device.full_command_key
-        self._full_command = float(config[section][key])
+        _, self._full_command = _core.command_limits(config)
         self._ground_height = ground_height
         self._panels = panels(self.device, self._full_command)
         self._history = History([panel.column for panel in self._panels])

@@ -6,7 +6,7 @@ use prosthesis_gym_core::config::Config;
 use prosthesis_gym_core::human::intent::{Knot, Profile};
 use prosthesis_gym_core::mechanics::compliant_ground::GroundParams;
 use prosthesis_gym_core::mechanics::terrain::{self, Terrain};
-use prosthesis_gym_core::plant::powers::POWERS;
+use prosthesis_gym_core::plant::powers::Powers;
 use prosthesis_gym_core::plant::solver::SolverParams;
 use prosthesis_gym_core::plant::start::Start;
 use prosthesis_gym_core::signals::{CONTROL_PERIOD_S, GRAVITY};
@@ -71,7 +71,7 @@ fn the_energy_balance_closes_on_uneven_ground() {
         let imbalance = (gained - work).abs() / exchanged;
         println!("gained {gained:.3} J, work {work:.3} J, exchanged {exchanged:.0} J, imbalance {imbalance:.1e}");
         assert!(imbalance < 1e-6, "{imbalance:e}");
-        for (power, work) in POWERS.iter().zip(&meter.work) {
+        for (power, work) in Powers::NAMES.iter().zip(&meter.work) {
             assert!(!power.starts_with("contact") || work[0] < 0.0, "{power} {}", work[0]);
         }
     }

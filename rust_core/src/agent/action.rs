@@ -5,18 +5,20 @@
 //! ```
 
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantNames};
 
 use crate::agent::actuation::{Actuation, ActuationLanes, Actuations, Lag};
 use crate::numerics::lanes::lanes;
 use crate::numerics::math::{clamp, max, min};
 use crate::prosthesis::knee::kind::DeviceKind;
 use crate::prosthesis::knee::unit::KneeParams;
-use crate::schema::params::{ANY, Parameter, Range, above, params, within};
+use crate::schema::params::{ANY, Choice, above, params, within};
 use crate::signals::ReadingsLanes;
 
 /// What the action means.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum ActionMode {
     /// The command itself.
     #[default]
@@ -31,21 +33,12 @@ pub enum ActionMode {
     Constant,
 }
 
-impl Parameter for ActionMode {
-    fn numbers(&self) -> [f64; 2] {
-        [0.0; 2]
-    }
-    fn text(&self) -> String {
-        format!("{self:?}").to_lowercase()
-    }
-    fn allowed(_: Range) -> String {
-        "direct | residual | impedance | state_machine | constant".to_owned()
-    }
-}
+impl Choice for ActionMode {}
 
 /// When a new action takes effect.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Latch {
     /// At once.
     #[default]
@@ -54,17 +47,7 @@ pub enum Latch {
     Phase,
 }
 
-impl Parameter for Latch {
-    fn numbers(&self) -> [f64; 2] {
-        [0.0; 2]
-    }
-    fn text(&self) -> String {
-        format!("{self:?}").to_lowercase()
-    }
-    fn allowed(_: Range) -> String {
-        "step | phase".to_owned()
-    }
-}
+impl Choice for Latch {}
 
 params! {
     /// How actions become commands.
@@ -101,6 +84,18 @@ params! {
         rate_limit_per_s: f64 = 0.0, "1/s", within(0.0, 1e6);
         /// Time constant of a first-order low-pass on the command; 0 for none.
         filter_s: f64 = 0.0, "s", within(0.0, 10.0);
+    }
+}
+
+impl ActionParams {
+    /// Names of the parameters with the command of mode `constant`, and with that of action +1 in mode `direct` if it is one of
+    /// these; else it is the largest that the unit carries out.
+    pub fn names(kind: DeviceKind) -> (&'static str, Option<&'static str>) {
+        match kind {
+            DeviceKind::Damper => ("constant_nms2_rad2", Some("max_command_nms2_rad2")),
+            DeviceKind::Motor => ("constant_a", None),
+            DeviceKind::Friction => ("constant_nm", None),
+        }
     }
 }
 
@@ -145,13 +140,10 @@ lanes! {
 impl CommandScale {
     /// Of an agent on one of the knee units.
     pub fn new(action: &ActionParams, knee: &KneeParams<'_>) -> Self {
-        let (full, limit) = match knee.kind {
-            DeviceKind::Damper => (action.max_command_nms2_rad2, knee.damper.max_damping_nms2_rad2),
-            DeviceKind::Motor => (knee.motor.current_limit_a, knee.motor.current_limit_a),
-            DeviceKind::Friction => (knee.friction.max_friction_nm, knee.friction.max_friction_nm),
-        };
-        let least = if knee.kind == DeviceKind::Motor { -limit } else { 0.0 };
-        Self { full, least, most: limit, current_per_torque: 1.0 / knee.motor.torque_per_ampere() }
+        let most = knee.most_command();
+        let full = if knee.kind == DeviceKind::Damper { action.max_command_nms2_rad2 } else { most };
+        let least = if knee.kind.command().signed { -most } else { 0.0 };
+        Self { full, least, most, current_per_torque: 1.0 / knee.motor.torque_per_ampere() }
     }
 }
 
@@ -166,15 +158,15 @@ impl<const L: usize> CommandScaleLanes<L> {
 impl ActionMap {
     /// The map of the configured knee unit.
     pub fn new(action: &ActionParams, kind: DeviceKind) -> Self {
-        let (signed, residual, constant) = match kind {
-            DeviceKind::Damper => (false, action.residual_nms2_rad2, action.constant_nms2_rad2),
-            DeviceKind::Motor => (true, action.residual_a, action.constant_a),
-            DeviceKind::Friction => (false, action.residual_nm, action.constant_nm),
+        let (residual, constant) = match kind {
+            DeviceKind::Damper => (action.residual_nms2_rad2, action.constant_nms2_rad2),
+            DeviceKind::Motor => (action.residual_a, action.constant_a),
+            DeviceKind::Friction => (action.residual_nm, action.constant_nm),
         };
         Self {
             mode: action.mode,
             latch: action.latch,
-            signed,
+            signed: kind.command().signed,
             residual,
             constant,
             impedance: Impedance {

@@ -1,6 +1,7 @@
 //! What the agent sees: groups of channels, each in a unit that keeps it near 1.
 
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantNames};
 
 use crate::closed_loop::simulation::Sampled;
 use crate::human::gait_fsm::ResidualState;
@@ -10,8 +11,9 @@ use crate::schema::params::{Parameter, Range, params, within};
 use crate::signals::{GRAVITY, Readings, ReadingsLanes};
 
 /// Channels that belong together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Group {
     /// Encoder of the knee.
     Knee,
@@ -51,10 +53,10 @@ impl Parameter for Groups {
         [1.0; 2]
     }
     fn text(&self) -> String {
-        "[knee, load, shank, command, motor]".to_owned()
+        format!("[{}]", self.0.iter().map(<&str>::from).collect::<Vec<_>>().join(", "))
     }
     fn allowed(_: Range) -> String {
-        "list of knee, load, shank, shank_force, thigh, ankle, command, motor, phase, privileged".to_owned()
+        format!("list of {}", Group::VARIANTS.join(", "))
     }
     fn check(&self, key: &str) -> Result<()> {
         let twice = self.0.iter().enumerate().find(|(index, group)| self.0[..*index].contains(group));

@@ -4,14 +4,15 @@
 //! did not use.
 
 use crate::numerics::integrator::{self, HybridFlow, StateVector, Workspace};
+use crate::plant::powers::Powers;
 use crate::plant::solver::SolverParams;
 use crate::plant::state::State;
 use crate::plant::system::HumanProsthesis;
 use crate::signals::CONTROL_PERIOD_S;
 
-const POWERS: usize = crate::plant::powers::POWERS.len();
+const POWERS: usize = Powers::NAMES.len();
 
-/// Work of each of [`POWERS`](crate::plant::powers::POWERS) and the energy exchanged, J.
+/// Work of each of the [`Powers`] and the energy exchanged, J.
 #[derive(Clone, Debug)]
 pub struct EnergyMeter<const L: usize> {
     /// Net work.
@@ -88,7 +89,7 @@ impl<const L: usize> HybridFlow<L> for Metered<'_, '_, L> {
     fn rates(&mut self, state: &Self::State, implicit_step: &[f64; L], rates: &mut Self::State) {
         self.plant.rates(&state.state, implicit_step, &mut rates.state);
         for lane in 0..L {
-            let powers = self.plant.at(&state.state).powers(lane);
+            let powers = self.plant.at(&state.state).powers(lane).values();
             for (power, &watts) in powers.iter().enumerate() {
                 rates.meter.work[power][lane] = watts;
                 rates.meter.exchanged[power][lane] = watts.abs();

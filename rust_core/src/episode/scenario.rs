@@ -2,6 +2,7 @@
 
 use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantNames};
 
 use crate::closed_loop::disturbance::{
     Disturbance, GustParams, Gusts, LATEST_PHASE, ListedPushes, Push, TrunkPush, samples,
@@ -12,11 +13,12 @@ use crate::human::intent::{Knot, Profile};
 use crate::human::variation::HumanVariationParams;
 use crate::plant::start::Start;
 use crate::schema::distribution::{Distribution, eased};
-use crate::schema::params::{ANY, Parameter, Range, params, within};
+use crate::schema::params::{ANY, Choice, params, within};
 
 /// Start posture of an episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum StartChoice {
     /// Always from standing.
     Standing,
@@ -27,17 +29,7 @@ pub enum StartChoice {
     Random,
 }
 
-impl Parameter for StartChoice {
-    fn numbers(&self) -> [f64; 2] {
-        [0.0; 2]
-    }
-    fn text(&self) -> String {
-        format!("{self:?}").to_lowercase()
-    }
-    fn allowed(_: Range) -> String {
-        "standing | cyclic | random".to_owned()
-    }
-}
+impl Choice for StartChoice {}
 
 params! {
     /// Distributions that an episode is drawn from; a number is a fixed value, `[low, high]` a uniform distribution.
@@ -148,6 +140,7 @@ fn drawn_profile(start: Start, [first, second]: [f64; 2], change_s: f64, walk_s:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::schema::params::Parameter;
 
     #[test]
     fn draws_stay_in_their_distributions_and_differ_between_streams() {

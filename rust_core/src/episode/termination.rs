@@ -1,5 +1,7 @@
 //! Termination: what ends an episode early, each with a reason.
 
+use strum::VariantNames;
+
 use crate::numerics::lanes::lanes;
 use crate::schema::params::{params, within};
 
@@ -18,7 +20,8 @@ params! {
 }
 
 /// Why an episode ended.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, VariantNames)]
+#[strum(serialize_all = "snake_case")]
 #[repr(u8)]
 pub enum Reason {
     /// It has not ended.
@@ -33,9 +36,6 @@ pub enum Reason {
     /// Its time is over (truncation, not failure).
     TimeLimit,
 }
-
-/// Names of [`Reason`], by its number.
-pub const REASONS: [&str; 5] = ["none", "hip_height", "joint_limit", "non_finite", "time_limit"];
 
 lanes! {
     /// What termination looks at.

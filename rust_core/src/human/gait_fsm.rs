@@ -9,7 +9,8 @@ use crate::human::{reference, slip_leg};
 use crate::signals::GRAVITY;
 
 /// What the residual leg is doing (ReStand, ReStepStart, ...).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, strum::VariantNames)]
+#[strum(serialize_all = "snake_case")]
 #[repr(u8)]
 pub enum ResidualState {
     /// Standing on both legs.
@@ -24,7 +25,8 @@ pub enum ResidualState {
 }
 
 /// What the intact leg is doing (HeSwing, HeStance, ...).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize, strum::VariantNames)]
+#[strum(serialize_all = "snake_case")]
 #[repr(u8)]
 pub enum IntactState {
     /// Standing on both legs.

@@ -1,12 +1,14 @@
 //! How the human's joints are driven.
 
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantNames};
 
-use crate::schema::params::{ANY, Parameter, Range, params};
+use crate::schema::params::{ANY, Choice, params};
 
 /// Whether a joint's force or its motion is given.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum JointDrive {
     /// Forward dynamics: an impedance pulls it to its reference.
     Forward,
@@ -14,17 +16,7 @@ pub enum JointDrive {
     Inverse,
 }
 
-impl Parameter for JointDrive {
-    fn numbers(&self) -> [f64; 2] {
-        [0.0; 2]
-    }
-    fn text(&self) -> String {
-        format!("{self:?}").to_lowercase()
-    }
-    fn allowed(_: Range) -> String {
-        "forward | inverse".to_owned()
-    }
-}
+impl Choice for JointDrive {}
 
 params! {
     /// How the human's joints are driven (section 3.1); the paper's walker is the default, and the fastest.

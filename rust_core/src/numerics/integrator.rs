@@ -38,8 +38,11 @@ pub trait HybridFlow<const L: usize> {
 }
 
 /// One-step method.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(
+    Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, strum::IntoStaticStr, strum::VariantNames,
+)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Stepper {
     /// Classical explicit Runge-Kutta, order 4. The reference.
     Rk4,

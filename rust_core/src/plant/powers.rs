@@ -6,24 +6,27 @@ use crate::mechanics::terrain::Surface;
 use crate::mechanics::walker;
 use crate::plant::contact_points::hip_point;
 use crate::plant::outputs::Evaluated;
+use crate::schema::record::record;
 
-/// Power of everything that does work on the segments, W; see [`Evaluated::powers`].
-pub const POWERS: [&str; 14] = [
-    "hip",
-    "trunk_rotation",
-    "trunk_force",
-    "push",
-    "knee_command",
-    "knee_spring",
-    "knee_friction",
-    "extension_stop",
-    "flexion_stop",
-    "ankle",
-    "contact_normal",
-    "contact_tangential",
-    "socket",
-    "tube",
-];
+record! {
+    /// Power of everything that does work on the segments, W.
+    pub struct Powers {
+        hip,
+        trunk_rotation,
+        trunk_force,
+        push,
+        knee_command,
+        knee_spring,
+        knee_friction,
+        extension_stop,
+        flexion_stop,
+        ankle,
+        contact_normal,
+        contact_tangential,
+        socket,
+        tube,
+    }
+}
 
 impl<const L: usize> Evaluated<'_, L> {
     /// Kinetic and potential energy of segments and knee unit's rotor.
@@ -43,8 +46,8 @@ impl<const L: usize> Evaluated<'_, L> {
         walker::Energy { kinetic: segments.kinetic + rotor, ..segments }
     }
 
-    /// Power of each of [`POWERS`] at the last evaluation, W; their sum is the rate of kinetic plus potential energy.
-    pub fn powers(&self, lane: usize) -> [f64; POWERS.len()] {
+    /// Powers at the last evaluation, W; their sum is the rate of kinetic plus potential energy.
+    pub fn powers(&self, lane: usize) -> Powers {
         let motion = self.state.motion.get(lane);
         let knee_rate = -self.signals.joint.flexion_rate[lane];
         let device = self.signals.device.get(lane);
@@ -60,22 +63,22 @@ impl<const L: usize> Evaluated<'_, L> {
                 ([power(forces.socket, rates.socket), power(forces.tube, rates.tube)], rates.trunk)
             },
         );
-        [
-            self.signals.hip_torque.torque[lane] * joints.hip_rate,
-            self.reactions(lane).trunk_torque * trunk_rate,
-            trunk.x * motion.hip_vx + trunk.y * motion.hip_vy,
-            self.walkers.push_x[lane] * motion.hip_vx + self.walkers.push_y[lane] * motion.hip_vy,
-            unit[0],
-            unit[1],
-            unit[2],
-            -device.extension_stop * knee_rate,
-            device.flexion_stop * knee_rate,
-            device.ankle * joints.ankle_rate,
+        Powers {
+            hip: self.signals.hip_torque.torque[lane] * joints.hip_rate,
+            trunk_rotation: self.reactions(lane).trunk_torque * trunk_rate,
+            trunk_force: trunk.x * motion.hip_vx + trunk.y * motion.hip_vy,
+            push: self.walkers.push_x[lane] * motion.hip_vx + self.walkers.push_y[lane] * motion.hip_vy,
+            knee_command: unit[0],
+            knee_spring: unit[1],
+            knee_friction: unit[2],
+            extension_stop: -device.extension_stop * knee_rate,
+            flexion_stop: device.flexion_stop * knee_rate,
+            ankle: device.ankle * joints.ankle_rate,
             contact_normal,
             contact_tangential,
             socket,
             tube,
-        ]
+        }
     }
 
     /// Power of the ground's normal and tangential forces, W.

@@ -1,27 +1,28 @@
 //! How the human-prosthesis system is integrated.
 
-use serde::{Deserialize, Serialize};
-
 use crate::numerics::integrator::Stepper;
 use crate::prosthesis::knee::kind::DeviceKind;
 use crate::schema::error::Result;
-use crate::schema::params::{ParameterDoc, within};
+use crate::schema::params::{ANY, Choice, params, within};
 
-/// Which stepper advances the continuous system, and in how many steps per control period.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct SolverParams {
-    /// One-step method.
-    pub stepper: Stepper,
-    /// Steps per 5 ms control period; 0 for as many as the accuracy needs.
-    pub steps: usize,
-}
+/// Steps per control period, at most.
+pub const MOST_STEPS: f64 = 10_000.0;
+/// Explicit steps per control period, at least: longer ones diverge on the contact damping.
+const FEWEST_EXPLICIT_STEPS: f64 = 20.0;
 
-impl Default for SolverParams {
-    fn default() -> Self {
-        Self { stepper: Stepper::TwoStageW, steps: 0 }
+impl Choice for Stepper {}
+
+params! {
+    /// Which stepper advances the continuous system, and in how many steps per control period.
+    pub struct SolverParams {
+        /// One-step method; two_stage_w is the fast one, rk4 with 50 steps the reference.
+        stepper: Stepper = Stepper::TwoStageW, "", ANY;
+        /// Steps per 5 ms control period; 0 for as many as the accuracy needs: 5, with a motor 9, with rk4 50. With rk4 otherwise at least 20.
+        steps: usize = 0, "", within(0.0, MOST_STEPS);
     }
 }
+
+impl Copy for SolverParams {}
 
 impl SolverParams {
     /// The converged reference: RK4 at 0.1 ms with located events.
@@ -38,40 +39,11 @@ impl SolverParams {
         }
     }
 
-    /// The parameter table of this struct.
-    pub fn table(path: &str) -> Vec<ParameterDoc> {
-        let defaults = Self::default();
-        let row = |field: &str, default: String, range: &str, doc: &str| ParameterDoc {
-            key: format!("{path}.{field}"),
-            default,
-            unit: "",
-            range: range.to_owned(),
-            doc: doc.to_owned(),
-        };
-        let steppers = "two_stage_w | linearly_implicit_euler | rk4";
-        vec![
-            row(
-                "stepper",
-                "two_stage_w".into(),
-                steppers,
-                "One-step method; two_stage_w is the fast one, rk4 with 50 steps the reference.",
-            ),
-            row(
-                "steps",
-                defaults.steps.to_string(),
-                "[0, 10000], rk4 0 or [20, 10000]",
-                "Steps per 5 ms control period; 0 for as many as the accuracy needs: 5, with a motor 9, with rk4 50.",
-            ),
-        ]
-    }
-
-    /// Checks every field against its range; `path` is the dotted path of this struct.
-    pub fn validate(&self, path: &str) -> Result<()> {
-        // Explicit steps diverge on the contact damping above about 0.3 ms.
-        let fewest = if self.stepper == Stepper::Rk4 && self.steps != 0 { 20.0 } else { 0.0 };
-        within(fewest, MOST_STEPS).check(&format!("{path}.steps"), self.steps as f64, "")
+    /// Checks that explicit steps are not too long; `path` is the dotted path of this struct.
+    pub fn check_explicit(&self, path: &str) -> Result<()> {
+        if self.stepper != Stepper::Rk4 || self.steps == 0 {
+            return Ok(());
+        }
+        within(FEWEST_EXPLICIT_STEPS, MOST_STEPS).check(&format!("{path}.steps"), self.steps as f64, "")
     }
 }
-
-/// Steps per control period, at most.
-pub const MOST_STEPS: f64 = 10_000.0;

@@ -1,9 +1,11 @@
 //! The gait as a prosthesis sees it.
 
 use serde::{Deserialize, Serialize};
+use strum::VariantNames;
 
 /// Phase of the gait as the prosthesis sees it (numbers of Figures 6 and 10).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, VariantNames)]
+#[strum(serialize_all = "snake_case")]
 #[repr(u8)]
 pub enum Phase {
     /// 1: knee flexes under load.

@@ -1,12 +1,14 @@
 //! Connections of the leg that are rigid in the paper's walker and can be made to give way.
 
 use serde::{Deserialize, Serialize};
+use strum::{IntoStaticStr, VariantNames};
 
-use crate::schema::params::{Parameter, Range};
+use crate::schema::params::Choice;
 
 /// Whether a connection gives way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, IntoStaticStr, VariantNames)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum Connection {
     /// It is rigid.
     #[default]
@@ -15,17 +17,7 @@ pub enum Connection {
     Compliant,
 }
 
-impl Parameter for Connection {
-    fn numbers(&self) -> [f64; 2] {
-        [0.0; 2]
-    }
-    fn text(&self) -> String {
-        format!("{self:?}").to_lowercase()
-    }
-    fn allowed(_: Range) -> String {
-        "rigid | compliant".to_owned()
-    }
-}
+impl Choice for Connection {}
 
 /// A linear spring with a damper.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,14 +1,17 @@
 //! Batches for Python.
 
+use std::str::FromStr;
+
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
+use strum::VariantNames;
 
 use crate::closed_loop::disturbance::Push;
 use crate::closed_loop::episode::{Drawn, Episode};
 use crate::closed_loop::repetition::Repeats;
-use crate::episode::recorder::{COLUMNS, FootStrike};
+use crate::episode::recorder::{FootStrike, Row};
 use crate::human::intent::Knot;
 use crate::human::variation::HumanVariation;
 use crate::python::arguments::{Input1, indices_of, read_config, zeros};
@@ -49,15 +52,10 @@ impl PyBatch {
         autoreset: &str,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let autoreset = match autoreset {
-            "next_step" => Autoreset::NextStep,
-            "same_step" => Autoreset::SameStep,
-            "disabled" => Autoreset::Disabled,
-            other => {
-                let message = format!("autoreset = {other:?} must be one of 'next_step', 'same_step', 'disabled'");
-                return Err(PyValueError::new_err(message));
-            }
-        };
+        let autoreset = Autoreset::from_str(autoreset).map_err(|_| {
+            let modes = Autoreset::VARIANTS.join("', '");
+            PyValueError::new_err(format!("autoreset = {autoreset:?} must be one of '{modes}'"))
+        })?;
         let config = read_config(config)?;
         let batch = py.detach(|| guarded(|| Batch::new(num_envs, config, autoreset, threads.unwrap_or(0))))?;
         Ok(Self {
@@ -262,10 +260,14 @@ impl PyBatch {
     fn recording<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let recorded = self.with(py, |batch| {
             let rows = batch.recording().map_or(&[][..], |recorder| &recorder.rows);
-            Ok((0..COLUMNS.len()).map(|i| rows.iter().map(|row| row[i]).collect()).collect::<Vec<Vec<f64>>>())
+            let mut columns = vec![Vec::with_capacity(rows.len()); Row::NAMES.len()];
+            for row in rows {
+                columns.iter_mut().zip(row.values()).for_each(|(column, value)| column.push(value));
+            }
+            Ok(columns)
         })?;
         let columns = PyDict::new(py);
-        for (name, column) in COLUMNS.iter().zip(recorded) {
+        for (name, column) in Row::NAMES.iter().zip(recorded) {
             columns.set_item(name, PyArray1::from_vec(py, column))?;
         }
         Ok(columns)
@@ -274,7 +276,7 @@ impl PyBatch {
     /// The present state of environment `index`: one float per column of a recording, NaN for mean powers.
     fn snapshot<'py>(&self, py: Python<'py>, index: usize) -> PyResult<Bound<'py, PyDict>> {
         let row = PyDict::new(py);
-        for (name, value) in COLUMNS.iter().zip(self.with(py, |batch| batch.snapshot(index))?) {
+        for (name, value) in Row::NAMES.iter().zip(self.with(py, |batch| batch.snapshot(index))?.values()) {
             row.set_item(name, value)?;
         }
         Ok(row)

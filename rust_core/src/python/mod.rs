@@ -15,12 +15,18 @@ use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::agent::action::ActionMap;
-use crate::agent::observation::{Channel, ObservationMap};
+use crate::agent::action::{ActionMap, ActionParams, CommandScale};
+use crate::agent::observation::ObservationMap;
 use crate::config::Config;
 use crate::episode::reward::TERMS;
-use crate::episode::termination::REASONS;
+use crate::human::gait_fsm::{IntactState, ResidualState};
+use crate::prosthesis::gait::Phase;
+use crate::prosthesis::knee::kind::DeviceKind;
+use strum::{IntoEnumIterator, VariantNames};
+
+use crate::episode::termination::Reason;
 use crate::schema::error::Error;
+use crate::signals::CONTROL_PERIOD_S;
 use crate::vector::batch::MOST_ENVIRONMENTS;
 use crate::vector::shared;
 use arguments::read_config;
@@ -87,11 +93,37 @@ fn channels(config: &Bound<'_, PyAny>) -> PyResult<Vec<(&'static str, f32, f32, 
 
 /// Group of each channel of an observation frame, in the order of `channels`.
 #[pyfunction]
-fn channel_groups(config: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
+fn channel_groups(config: &Bound<'_, PyAny>) -> PyResult<Vec<&'static str>> {
     let config = read_config(config)?;
     let map = ObservationMap::new(&config.observation, config.device.kind);
-    let name = |channel: &Channel| serde_json::to_value(channel.group).map(|group| group.as_str().map(str::to_owned));
-    Ok(map.channels().iter().filter_map(|channel| name(channel).ok().flatten()).collect())
+    Ok(map.channels().iter().map(|channel| channel.group.into()).collect())
+}
+
+/// The knee units by `device.kind`: what each is, and the names of its parameters in section `action`.
+#[pyfunction]
+fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let devices = PyDict::new(py);
+    for kind in DeviceKind::iter() {
+        let (command, (constant, full)) = (kind.command(), ActionParams::names(kind));
+        let device = PyDict::new(py);
+        device.set_item("environment", kind.environment())?;
+        device.set_item("command_name", command.quantity)?;
+        device.set_item("command_unit", command.unit)?;
+        device.set_item("signed", command.signed)?;
+        device.set_item("has_phases", kind.has_phases())?;
+        device.set_item("constant_key", constant)?;
+        device.set_item("full_key", full)?;
+        devices.set_item(<&str>::from(kind), device)?;
+    }
+    Ok(devices)
+}
+
+/// Largest command that the configured knee unit carries out, and the command of action +1, in the unit's own unit.
+#[pyfunction]
+fn command_limits(config: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> {
+    let config = read_config(config)?;
+    let scale = CommandScale::new(&config.action, &config.knee_params());
+    Ok((scale.most, scale.full))
 }
 
 /// How many numbers an action has.
@@ -130,10 +162,16 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(idle, module)?)?;
     module.add_function(wrap_pyfunction!(channels, module)?)?;
     module.add_function(wrap_pyfunction!(channel_groups, module)?)?;
+    module.add_function(wrap_pyfunction!(devices, module)?)?;
+    module.add_function(wrap_pyfunction!(command_limits, module)?)?;
     module.add_function(wrap_pyfunction!(action_size, module)?)?;
     module.add_function(wrap_pyfunction!(dynamics::walker_joints_of, module)?)?;
     module.add("TERMS", TERMS.to_vec())?;
     module.add("MOST_ENVIRONMENTS", MOST_ENVIRONMENTS)?;
-    module.add("REASONS", REASONS.to_vec())?;
+    module.add("CONTROL_PERIOD_S", CONTROL_PERIOD_S)?;
+    module.add("RESIDUAL_STATES", ResidualState::VARIANTS.to_vec())?;
+    module.add("INTACT_STATES", IntactState::VARIANTS.to_vec())?;
+    module.add("PHASES", Phase::VARIANTS.to_vec())?;
+    module.add("REASONS", Reason::VARIANTS.to_vec())?;
     Ok(())
 }

@@ -130,6 +130,22 @@ impl Parameter for bool {
     }
 }
 
+/// One of a few names: the variants of an enum, as its derives of strum spell them.
+pub trait Choice: Copy + Into<&'static str> + strum::VariantNames {}
+
+impl<T: Choice> Parameter for T {
+    fn numbers(&self) -> [f64; 2] {
+        [0.0; 2]
+    }
+    fn text(&self) -> String {
+        let name: &str = (*self).into();
+        name.to_owned()
+    }
+    fn allowed(_: Range) -> String {
+        T::VARIANTS.join(" | ")
+    }
+}
+
 /// Any value of its type: the range of parameters that are no numbers.
 pub const ANY: Range = within(0.0, 1.0);
 

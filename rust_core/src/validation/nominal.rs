@@ -9,6 +9,7 @@ use crate::validation::span::Span;
 /// Checks every value against its range, and those that must fit together.
 pub(super) fn check(config: &Config) -> Result<()> {
     config.validate_sections()?;
+    config.solver.check_explicit("solver")?;
     if config.action.mode == ActionMode::Impedance && !config.device.kind.has_motor() {
         return Err(Error::Invalid("action.mode = impedance needs a motor: device.kind = motor".into()));
     }

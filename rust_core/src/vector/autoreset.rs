@@ -1,7 +1,10 @@
 //! What happens to an environment after its episode has ended.
 
+use strum::{EnumString, VariantNames};
+
 /// What happens to an environment after its episode has ended (Gymnasium's `AutoresetMode`).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, EnumString, VariantNames)]
+#[strum(serialize_all = "snake_case")]
 pub enum Autoreset {
     /// Its next step ignores the action and resets it.
     NextStep,

@@ -5,7 +5,7 @@ use prosthesis_gym_core::closed_loop::energy_meter::EnergyMeter;
 use prosthesis_gym_core::episode::scenario::StartChoice;
 use prosthesis_gym_core::mechanics::joint_drives::JointDrive;
 use prosthesis_gym_core::numerics::integrator::Stepper;
-use prosthesis_gym_core::plant::powers::POWERS;
+use prosthesis_gym_core::plant::powers::Powers;
 use prosthesis_gym_core::prosthesis::knee::kind::{DeviceKind, DeviceParams};
 use rand_pcg::Pcg64;
 
@@ -28,12 +28,12 @@ fn forty_second_trial() -> Vec<Knot> {
     ]
 }
 
-/// Work of each of [`POWERS`] by name, J.
+/// Work of each of the [`Powers`] by name, J.
 struct Work(EnergyMeter<1>);
 
 impl Work {
     fn of(&self, name: &str) -> f64 {
-        self.0.work[POWERS.iter().position(|&power| power == name).unwrap()][0]
+        self.0.work[Powers::NAMES.iter().position(|&power| power == name).unwrap()][0]
     }
 }
 
@@ -73,7 +73,7 @@ fn the_energy_balance_of_a_restless_walk_closes() {
     let mut trial = Trial::new(&with_solver(SolverParams::REFERENCE), [episode]);
     let (work, end_s) = metered(&mut trial, 8.0);
     assert!(end_s == 8.0 && trial.state.motion.hip_x[0] > 5.0, "it did not walk");
-    let push = POWERS.iter().position(|&power| power == "push").unwrap();
+    let push = Powers::NAMES.iter().position(|&power| power == "push").unwrap();
     assert!(work.0.exchanged[push][0] > 50.0, "{}", work.0.exchanged[push][0]);
 }
 

@@ -1,12 +1,18 @@
 //! Which knee unit the leg has.
 
 use serde::{Deserialize, Serialize};
+use strum::{EnumIter, IntoStaticStr, VariantNames};
 
-use crate::schema::params::{ANY, Parameter, Range, params};
+use crate::prosthesis::knee::command::Command;
+use crate::prosthesis::knee::damper::variable_damper;
+use crate::prosthesis::knee::friction::constant_friction;
+use crate::prosthesis::knee::motor::geared_motor;
+use crate::schema::params::{ANY, Choice, params};
 
 /// Which knee unit the leg has.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, EnumIter, IntoStaticStr, VariantNames)]
 #[serde(rename_all = "snake_case")]
+#[strum(serialize_all = "snake_case")]
 pub enum DeviceKind {
     /// Variable damper (section 5.2).
     #[default]
@@ -18,23 +24,36 @@ pub enum DeviceKind {
 }
 
 impl DeviceKind {
+    /// Name of the environment whose leg has the unit.
+    pub fn environment(self) -> &'static str {
+        match self {
+            Self::Damper => "DamperKnee-v0",
+            Self::Motor => "MotorKnee-v0",
+            Self::Friction => "FrictionKnee-v0",
+        }
+    }
+
+    /// What the unit is commanded.
+    pub fn command(self) -> Command {
+        match self {
+            Self::Damper => variable_damper::COMMAND,
+            Self::Motor => geared_motor::COMMAND,
+            Self::Friction => constant_friction::COMMAND,
+        }
+    }
+
+    /// Whether its reference controller tells the phases of the gait apart.
+    pub fn has_phases(self) -> bool {
+        self != Self::Friction
+    }
+
     /// Whether the unit has a motor.
     pub fn has_motor(self) -> bool {
         self == Self::Motor
     }
 }
 
-impl Parameter for DeviceKind {
-    fn numbers(&self) -> [f64; 2] {
-        [0.0; 2]
-    }
-    fn text(&self) -> String {
-        format!("{self:?}").to_lowercase()
-    }
-    fn allowed(_: Range) -> String {
-        "damper | motor | friction".to_owned()
-    }
-}
+impl Choice for DeviceKind {}
 
 params! {
     /// Choice of the knee unit.

@@ -1,5 +1,6 @@
 //! Knee units, a folder each.
 
+pub mod command;
 pub mod damper;
 pub mod friction;
 pub mod joint;

@@ -26,6 +26,17 @@ pub struct KneeParams<'a> {
     pub friction: &'a ConstantFrictionParams,
 }
 
+impl KneeParams<'_> {
+    /// Largest command that the unit carries out, in its own unit.
+    pub fn most_command(&self) -> f64 {
+        match self.kind {
+            DeviceKind::Damper => self.damper.max_damping_nms2_rad2,
+            DeviceKind::Motor => self.motor.current_limit_a,
+            DeviceKind::Friction => self.friction.max_friction_nm,
+        }
+    }
+}
+
 /// What a knee unit of a block of walkers works on.
 #[derive(Clone, Copy, Debug)]
 pub struct UnitInputs<'a, const L: usize> {

@@ -2,8 +2,12 @@
 
 use crate::numerics::lanes::lanes;
 use crate::numerics::math::{FusedSum, tanh};
+use crate::prosthesis::knee::command::Command;
 use crate::prosthesis::knee::joint::{JointMotion, UnitTorque};
 use crate::schema::params::{params, within};
+
+/// Command of the unit: a damping coefficient.
+pub const COMMAND: Command = Command { quantity: "damping", unit: "N m s²/rad²", signed: false };
 
 params! {
     /// Hydraulic knee with a commanded quadratic damping coefficient (section 5.2.1).

@@ -5,8 +5,12 @@
 
 use crate::numerics::lanes::lanes;
 use crate::numerics::math::{max, select, tanh};
+use crate::prosthesis::knee::command::Command;
 use crate::prosthesis::knee::joint::{JointMotion, UnitTorque};
 use crate::schema::params::{above, params, within};
+
+/// Command of the unit: the clamp's friction torque.
+pub const COMMAND: Command = Command { quantity: "friction", unit: "N m", signed: false };
 
 params! {
     /// Mechanical knee with constant friction and extension assist; the command is the clamp's friction torque.

@@ -5,8 +5,12 @@
 
 use crate::numerics::lanes::{integrable, lanes};
 use crate::numerics::math::{FusedSum, clamp, min, select};
+use crate::prosthesis::knee::command::Command;
 use crate::prosthesis::knee::joint::{JointMotion, UnitTorque};
 use crate::schema::params::{ANY, above, params, within};
+
+/// Command of the unit: a current, flexing positive.
+pub const COMMAND: Command = Command { quantity: "current", unit: "A", signed: true };
 
 params! {
     /// Powered knee (section 5.3; friction and inertias of the supplementary material).
