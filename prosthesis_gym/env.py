@@ -155,7 +155,7 @@ class ProsthesisEnv(Limited, gymnasium.Env[Observations, NDArray[np.floating[Any
             seed = check_seed(seed)
         self.walkers.check_open()
         super().reset(seed=seed)
-        if seed is None and not self.walkers.born[0]:
+        if seed is None and not self.walkers.was_reset[0]:
             seed = first_seed(self)
         self._heed(wrappers_of_reset(self))
         seeds = None if seed is None else np.array([core_seed(seed)], dtype=np.uint64)

@@ -158,7 +158,7 @@ def torture(
     scenarios: Sequence[str] = tuple(SCENARIOS),
     progress: Callable[[int], None] | None = None,
 ) -> Report:
-    """Make at least `steps` env steps in rounds of `walkers`, over all knees and in turn all torments.
+    """Make at least `steps` env steps in rounds of `walkers`, over all knees and in turn all conditions.
 
     `scenarios` are some of `SCENARIOS`. `progress` is called after each round with the env steps done.
 
@@ -173,11 +173,11 @@ def torture(
     if unknown := [name for name in scenarios if name not in SCENARIOS]:
         raise ValueError(f"scenarios: {unknown[0]!r} must be one of {', '.join(SCENARIOS)}")
     check_seed(seed)
-    torments = list(itertools.product(SENSOR_FAULTS, GROUNDS, scenarios, _MODES))
-    np.random.default_rng(seed).shuffle(torments)
+    conditions = list(itertools.product(SENSOR_FAULTS, GROUNDS, scenarios, _MODES))
+    np.random.default_rng(seed).shuffle(conditions)
     knees = itertools.cycle(DEVICES)
     report, process = Report(), psutil.Process()
-    for index, (sensors, ground, scenario, mode) in enumerate(itertools.cycle(torments)):
+    for index, (sensors, ground, scenario, mode) in enumerate(itertools.cycle(conditions)):
         _endure(Round(next(knees), sensors, ground, scenario, mode, run_seed(seed, index)), walkers, threads, report)
         report.memory_mib.append(process.memory_info().rss / 2**20)
         if progress is not None:

@@ -230,17 +230,17 @@ class ProsthesisVectorEnv(Limited, VectorEnv[Observations, NDArray[np.floating[A
             seed = check_seed(seed)
             super().reset(seed=seed)
             return core_seeds(seed, self.num_envs), mask, mask
-        unborn = mask & ~self.walkers.born
-        seeds = core_seeds(first_seed(self), self.num_envs) if unborn.any() else np.zeros(self.num_envs, np.uint64)
+        never_reset = mask & ~self.walkers.was_reset
+        seeds = core_seeds(first_seed(self), self.num_envs) if never_reset.any() else np.zeros(self.num_envs, np.uint64)
         if seed is None:
-            return (seeds, mask, unborn) if unborn.any() else (None, mask, unborn)
+            return (seeds, mask, never_reset) if never_reset.any() else (None, mask, never_reset)
         if len(seed) != self.num_envs:
             raise ValueError(f"seed has {len(seed)} entries, must have one per environment: {self.num_envs}")
         given = [None if one is None else core_seed(check_seed(one)) for one in seed]
         for index, one in enumerate(given):
             if one is not None:
                 seeds[index] = one
-        return seeds, mask, unborn | np.array([one is not None for one in given])
+        return seeds, mask, never_reset | np.array([one is not None for one in given])
 
     def step(
         self, actions: NDArray[np.floating[Any]]

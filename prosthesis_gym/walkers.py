@@ -134,7 +134,7 @@ class Walkers:
         set_limit(self.batch, max_episode_steps)
         self.num_envs = num_envs
         #: (N,): which walkers have been reset, or put in place, at least once.
-        self.born = np.zeros(num_envs, dtype=np.bool_)
+        self.was_reset = np.zeros(num_envs, dtype=np.bool_)
         self.closed = False
         self._autoreset: Autoreset = autoreset
         self._threads = threads
@@ -143,10 +143,10 @@ class Walkers:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what copies and pickles are made of: all but recordings."""
-        batch, born = self.batch, np.flatnonzero(self.born).tolist()
+        batch, reset = self.batch, np.flatnonzero(self.was_reset).tolist()
         normaliser = None if self._normalised is None else (*batch.moments(), batch.learns)
         core = {
-            "state": batch.get_state(born) if born else b"",
+            "state": batch.get_state(reset) if reset else b"",
             "difficulty": batch.difficulty,
             "max_episode_steps": batch.max_episode_steps,
             "normaliser": normaliser,
@@ -163,8 +163,8 @@ class Walkers:
         if self._normalised is not None:
             self.batch.normalise_observations(*self._normalised)
             self.batch.set_moments(*core["normaliser"])
-        if self.born.any():
-            self.batch.set_state(core["state"], np.flatnonzero(self.born).tolist())
+        if self.was_reset.any():
+            self.batch.set_state(core["state"], np.flatnonzero(self.was_reset).tolist())
 
     def normalise_observations(self, clip: float, epsilon: float) -> None:
         """Return observations less their running mean, over their running deviation, within +-clip, from now on.
@@ -203,7 +203,7 @@ class Walkers:
             observations = self.batch.reset(seeds, mask & seeded)
         else:
             observations = self.batch.reset(seeds, mask)
-        self.born |= mask
+        self.was_reset |= mask
         self.terms.reset(mask)
         return self.terms.visible(observations)
 
@@ -230,7 +230,7 @@ class Walkers:
         self.terms.check_sums(sums)
         restarted = self._none.copy()
         restarted[selected] = self.batch.set_state(core, selected)
-        self.born[selected] = True
+        self.was_reset[selected] = True
         self.terms.set_sums(sums, selected)
         self.terms.reset(restarted)
         return self.observations(restarted)

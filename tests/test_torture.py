@@ -41,10 +41,10 @@ def test_adversaries_watch_the_leg() -> None:
     np.testing.assert_array_equal(actions[:13, 0][watching], -actions[13:, 0][watching])
 
 
-@pytest.mark.parametrize("torments", [SENSOR_FAULTS, GROUNDS, SCENARIOS])
+@pytest.mark.parametrize("conditions", [SENSOR_FAULTS, GROUNDS, SCENARIOS])
 @pytest.mark.parametrize("device", DEVICES)
-def test_every_torment_is_a_possible_configuration(device: str, torments: dict[str, Any]) -> None:
-    for config in torments.values():
+def test_every_condition_is_a_possible_configuration(device: str, conditions: dict[str, Any]) -> None:
+    for config in conditions.values():
         ProsthesisVectorEnv(1, config, device=device)
 
 

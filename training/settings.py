@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
+
+import tomli_w
 
 from prosthesis_gym.config import Config, apply_settings, merge, resolve
 from prosthesis_gym.evaluation import HELD_OUT_SEED
@@ -199,29 +199,4 @@ class Settings:
 
     def to_toml(self) -> str:
         """Write what the file and the command line said as one TOML text."""
-        lines: list[str] = []
-        _write_section(lines, [], self.table)
-        return "\n".join(lines).lstrip("\n") + "\n"
-
-
-def _write_section(lines: list[str], path: list[str], table: Mapping[str, Any]) -> None:
-    values = {key: value for key, value in table.items() if not isinstance(value, Mapping)}
-    if path and (values or not table):
-        lines += ["", f"[{'.'.join(map(_toml_key, path))}]"]
-    lines += [f"{_toml_key(key)} = {_toml(value)}" for key, value in values.items()]
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            _write_section(lines, [*path, key], value)
-
-
-def _toml_key(key: str) -> str:
-    return key if re.fullmatch("[A-Za-z0-9_-]+", key) else json.dumps(key)
-
-
-def _toml(value: Any) -> str:  # noqa: ANN401 - any TOML value
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_toml_key(key)} = {_toml(entry)}" for key, entry in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    # JSON spells strings, booleans and finite numbers as TOML does.
-    return json.dumps(value, ensure_ascii=False)
+        return tomli_w.dumps(self.table)

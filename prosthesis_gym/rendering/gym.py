@@ -124,7 +124,7 @@ class BatchRendering:
 
     def _follow(self) -> None:
         """Begin to follow the walkers."""
-        if not self._walkers.born[: self._count].all():
+        if not self._walkers.was_reset[: self._count].all():
             raise ValueError("nothing to draw: reset the environment first")
         batch = self._walkers.batch
         self._renderers = [

@@ -4,16 +4,16 @@ use std::ops::Deref;
 
 use crate::closed_loop::energy_meter::EnergyMeter;
 use crate::closed_loop::episode::Episode;
-use crate::closed_loop::simulation::{Model, Sampled, Scratch, Simulation};
+use crate::closed_loop::simulation::{LoopModel, Sampled, Scratch, Simulation};
 use crate::config::Config;
 use crate::numerics::lanes::vectorised;
-use crate::plant::outputs::Evaluated;
+use crate::plant::outputs::PlantOutputs;
 use crate::plant::state::State;
 
 /// A block of walkers with all that it needs, for those who look at single walkers.
 #[derive(Clone, Debug)]
 pub struct Trial<const L: usize> {
-    model: Model<L>,
+    model: LoopModel<L>,
     simulation: Simulation<L>,
     scratch: Scratch<L>,
 }
@@ -21,7 +21,7 @@ pub struct Trial<const L: usize> {
 impl<const L: usize> Trial<L> {
     /// Walkers with the given parameters, each starting its episode.
     pub fn new(config: &Config, episodes: [Episode; L]) -> Self {
-        let model = Model::new(&config.loop_params(), config.solvers());
+        let model = LoopModel::new(&config.loop_params(), config.solvers());
         let (mut simulation, mut scratch) = (Simulation::new(&model), Scratch::new(&model));
         for (lane, episode) in episodes.into_iter().enumerate() {
             simulation.start(&model, lane, episode, &mut scratch);
@@ -63,7 +63,7 @@ impl<const L: usize> Trial<L> {
     }
 
     /// The human-prosthesis system at the present sample.
-    pub fn plant(&self) -> Evaluated<'_, L> {
+    pub fn plant(&self) -> PlantOutputs<'_, L> {
         self.sampled().plant()
     }
 }

@@ -372,8 +372,8 @@ struct Sampling<const L: usize> {
 }
 
 impl<const L: usize> Sampling<L> {
-    fn new(params: &SensorParams, walk: &[Moment]) -> (sensors::Model<L>, Vec<Self>) {
-        let model = sensors::Model::new(params);
+    fn new(params: &SensorParams, walk: &[Moment]) -> (sensors::SensorModel<L>, Vec<Self>) {
+        let model = sensors::SensorModel::new(params);
         let block = |moments: [&Moment; L]| {
             let mut sampling = Self {
                 sensors: Sensors::default(),
@@ -390,10 +390,10 @@ impl<const L: usize> Sampling<L> {
 }
 
 impl<const L: usize> Block for Sampling<L> {
-    type Constants = sensors::Model<L>;
+    type Constants = sensors::SensorModel<L>;
 
     #[inline(always)]
-    fn run(&mut self, model: &sensors::Model<L>) {
+    fn run(&mut self, model: &sensors::SensorModel<L>) {
         self.sensors.sample(model, &self.truth, &mut self.readings);
     }
 }

@@ -5,9 +5,9 @@ use std::slice::from_mut;
 
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
 
-use prosthesis_gym_core::closed_loop::simulation::{Model, Scratch, Simulation};
+use prosthesis_gym_core::closed_loop::simulation::{LoopModel, Scratch, Simulation};
 use prosthesis_gym_core::numerics::integrator::{self, HybridFlow, Stepper, Workspace};
-use prosthesis_gym_core::plant::model::Model as PlantModel;
+use prosthesis_gym_core::plant::model::PlantModel;
 use prosthesis_gym_core::plant::signals::Signals;
 use prosthesis_gym_core::plant::solver::SolverParams;
 use prosthesis_gym_core::plant::state::State;
@@ -42,10 +42,10 @@ struct ClosedLoop<const L: usize> {
 }
 
 impl<const L: usize> ClosedLoop<L> {
-    fn new(kind: DeviceKind) -> (Model<L>, Self) {
+    fn new(kind: DeviceKind) -> (LoopModel<L>, Self) {
         const SETTLING_PERIODS: usize = 500;
         let config = config(kind);
-        let model = Model::new(&config.loop_params(), config.solvers());
+        let model = LoopModel::new(&config.loop_params(), config.solvers());
         let (mut simulation, mut scratch) = (Simulation::new(&model), Scratch::new(&model));
         for lane in 0..L {
             simulation.start(&model, lane, steady(1.1 + 0.02 * lane as f64), &mut scratch);
@@ -60,10 +60,10 @@ impl<const L: usize> ClosedLoop<L> {
 }
 
 impl<const L: usize> Block for ClosedLoop<L> {
-    type Constants = Model<L>;
+    type Constants = LoopModel<L>;
 
     #[inline(always)]
-    fn run(&mut self, model: &Model<L>) {
+    fn run(&mut self, model: &LoopModel<L>) {
         let commands = self.simulation.state_machine_command;
         self.simulation.advance(model, &commands, &[true; _], &mut self.scratch);
     }

@@ -1,14 +1,14 @@
 //! What there is to measure at the places of the sensors.
 
-use crate::plant::outputs::Evaluated;
+use crate::plant::outputs::PlantOutputs;
 use crate::sensors;
 use crate::signals::{GRAVITY, Measurand};
 
 /// True quantities at the places of the sensors.
 #[inline(always)]
 pub(super) fn measurand<const L: usize>(
-    plant: &Evaluated<'_, L>,
-    sensors: &sensors::Model<L>,
+    plant: &PlantOutputs<'_, L>,
+    sensors: &sensors::SensorModel<L>,
     lane: usize,
 ) -> Measurand {
     let motion = plant.motion(lane);

@@ -4,7 +4,7 @@
 //! fall, so the period is integrated again, in finer steps and then by the reference, before it counts as diverged. Lanes never mix:
 //! the whole block goes back to the period's start, and only the walkers that had diverged keep what comes of it.
 
-use crate::plant::model::Model;
+use crate::plant::model::PlantModel;
 use crate::plant::state::State;
 use crate::plant::walkers::{WalkerMemory, Walkers};
 
@@ -68,7 +68,7 @@ impl<const L: usize> Moment<L> {
     }
 
     /// Puts the walkers of `lanes` back there.
-    pub fn restore(&self, model: &Model<L>, lanes: &[bool; L], state: &mut State<L>, walkers: &mut Walkers<L>) {
+    pub fn restore(&self, model: &PlantModel<L>, lanes: &[bool; L], state: &mut State<L>, walkers: &mut Walkers<L>) {
         for lane in (0..L).filter(|&lane| lanes[lane]) {
             state.set(lane, &self.state.get(lane));
             walkers.set(model, lane, &self.walkers[lane]);

@@ -2,7 +2,7 @@
 
 use crate::closed_loop::disturbance::Progress;
 use crate::closed_loop::episode::Episode;
-use crate::closed_loop::simulation::{Model, Scratch, Simulation};
+use crate::closed_loop::simulation::{LoopModel, Scratch, Simulation};
 use crate::plant::state::WalkerState;
 use crate::plant::walkers::WalkerMemory;
 use crate::prosthesis::gait::GaitMemory;
@@ -40,7 +40,7 @@ impl<const L: usize> Simulation<L> {
     /// Puts a walker in `lane` where another one of the same `episode` was.
     pub fn restore(
         &mut self,
-        model: &Model<L>,
+        model: &LoopModel<L>,
         lane: usize,
         mut episode: Episode,
         saved: &SavedWalker,

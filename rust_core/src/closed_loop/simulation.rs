@@ -16,7 +16,7 @@ use crate::numerics::integrator::{self, HybridFlow, Workspace};
 use crate::numerics::lanes::vectorised;
 use crate::numerics::prefetch::Ahead;
 use crate::plant;
-use crate::plant::outputs::Evaluated;
+use crate::plant::outputs::PlantOutputs;
 use crate::plant::signals::Signals;
 use crate::plant::solver::SolverParams;
 use crate::plant::state::State;
@@ -29,16 +29,16 @@ use crate::signals::{CONTROL_PERIOD_S, MeasurandLanes, ReadingsLanes};
 
 /// Constants of the closed loop of a block of walkers. Blocks of equal walkers share one.
 #[derive(Clone, Debug)]
-pub struct Model<const L: usize> {
+pub struct LoopModel<const L: usize> {
     /// Human, mechanism, ground and device.
-    pub plant: plant::model::Model<L>,
-    sensors: sensors::Model<L>,
+    pub plant: plant::model::PlantModel<L>,
+    sensors: sensors::SensorModel<L>,
     reference: ReferenceController<L>,
     /// The configured solver, and those that repeat a control period in which it diverges.
     solvers: [SolverParams; ATTEMPTS],
 }
 
-impl<const L: usize> Model<L> {
+impl<const L: usize> LoopModel<L> {
     /// Memory of a block's constants.
     pub fn bytes(&self) -> usize {
         size_of::<Self>() + self.plant.heap_bytes()
@@ -47,8 +47,8 @@ impl<const L: usize> Model<L> {
     /// Walkers with the given parameters.
     pub fn new(params: &LoopParams<'_>, solvers: [SolverParams; ATTEMPTS]) -> Self {
         Self {
-            plant: plant::model::Model::new(&params.plant),
-            sensors: sensors::Model::new(params.sensors),
+            plant: plant::model::PlantModel::new(&params.plant),
+            sensors: sensors::SensorModel::new(params.sensors),
             reference: ReferenceController::new(&params.reference),
             solvers,
         }
@@ -110,7 +110,7 @@ pub struct Scratch<const L: usize> {
 
 impl<const L: usize> Scratch<L> {
     /// Storage for walkers like these.
-    pub fn new(model: &Model<L>) -> Self {
+    pub fn new(model: &LoopModel<L>) -> Self {
         let state = model.plant.state();
         Self {
             work: Workspace::new(&state),
@@ -128,7 +128,7 @@ impl<const L: usize> Scratch<L> {
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled<'a, const L: usize> {
     /// Constants.
-    pub model: &'a Model<L>,
+    pub model: &'a LoopModel<L>,
     /// The walkers.
     pub simulation: &'a Simulation<L>,
     /// Signals.
@@ -138,14 +138,14 @@ pub struct Sampled<'a, const L: usize> {
 impl<'a, const L: usize> Sampled<'a, L> {
     /// The human-prosthesis system.
     #[inline(always)]
-    pub fn plant(&self) -> Evaluated<'a, L> {
+    pub fn plant(&self) -> PlantOutputs<'a, L> {
         self.simulation.evaluated(self.model, self.scratch)
     }
 }
 
 impl<const L: usize> Simulation<L> {
     /// Walkers that each wait for [`start`](Self::start).
-    pub fn new(model: &Model<L>) -> Self {
+    pub fn new(model: &LoopModel<L>) -> Self {
         Self {
             state: model.plant.state(),
             walkers: Walkers::default(),
@@ -163,7 +163,7 @@ impl<const L: usize> Simulation<L> {
     }
 
     /// Starts `episode` in `lane`; call [`observe_started`](Self::observe_started) after the last start.
-    pub fn start(&mut self, model: &Model<L>, lane: usize, episode: Episode, scratch: &mut Scratch<L>) {
+    pub fn start(&mut self, model: &LoopModel<L>, lane: usize, episode: Episode, scratch: &mut Scratch<L>) {
         self.walkers.profile[lane].clone_from(&episode.profile);
         let (mut plant, state) = self.plant(model, scratch);
         plant.start(state, lane, episode.start, episode.human);
@@ -190,7 +190,7 @@ impl<const L: usize> Simulation<L> {
     #[inline(always)]
     fn plant<'a>(
         &'a mut self,
-        model: &'a Model<L>,
+        model: &'a LoopModel<L>,
         scratch: &'a mut Scratch<L>,
     ) -> (HumanProsthesis<'a, L>, &'a mut State<L>) {
         let plant = HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals: &mut scratch.signals };
@@ -199,7 +199,7 @@ impl<const L: usize> Simulation<L> {
 
     /// First sample of the lanes that have just been started. The others stay what they are: between two control periods there is
     /// nothing that they react to or draw.
-    pub fn observe_started(&mut self, model: &Model<L>, started: &[bool; L], scratch: &mut Scratch<L>) {
+    pub fn observe_started(&mut self, model: &LoopModel<L>, started: &[bool; L], scratch: &mut Scratch<L>) {
         self.set_intent(started);
         self.disturb(started);
         self.evaluate(model, scratch);
@@ -211,12 +211,12 @@ impl<const L: usize> Simulation<L> {
 
     /// What there is to read off the human-prosthesis system at the present state.
     #[inline(always)]
-    fn evaluated<'a>(&'a self, model: &'a Model<L>, scratch: &'a Scratch<L>) -> Evaluated<'a, L> {
-        Evaluated::new(&model.plant, &self.walkers, &scratch.signals, &self.state)
+    fn evaluated<'a>(&'a self, model: &'a LoopModel<L>, scratch: &'a Scratch<L>) -> PlantOutputs<'a, L> {
+        PlantOutputs::new(&model.plant, &self.walkers, &scratch.signals, &self.state)
     }
 
     /// Fills `scratch` with the signals at the present state, as the last control period left them.
-    pub fn evaluate(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
+    pub fn evaluate(&mut self, model: &LoopModel<L>, scratch: &mut Scratch<L>) {
         evaluate(self, model, scratch);
     }
 
@@ -230,7 +230,7 @@ impl<const L: usize> Simulation<L> {
     /// A walker whose integration diverges repeats the period from its start, in finer steps and then by the reference, unless
     /// nobody looks at it any more: `live` says at whom somebody does.
     #[inline(always)]
-    pub fn advance(&mut self, model: &Model<L>, commands: &[f64; L], live: &[bool; L], scratch: &mut Scratch<L>) {
+    pub fn advance(&mut self, model: &LoopModel<L>, commands: &[f64; L], live: &[bool; L], scratch: &mut Scratch<L>) {
         self.begin_period(model, commands, scratch);
         scratch.begin.keep(&self.state, &self.walkers);
         self.diverged = *live;
@@ -257,7 +257,7 @@ impl<const L: usize> Simulation<L> {
 
     /// Integrates over a control period.
     #[inline(always)]
-    fn integrate(&mut self, model: &Model<L>, solver: &SolverParams, scratch: &mut Scratch<L>) {
+    fn integrate(&mut self, model: &LoopModel<L>, solver: &SolverParams, scratch: &mut Scratch<L>) {
         let Scratch { work, signals, ahead, .. } = scratch;
         let mut plant = HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals };
         let SolverParams { stepper, steps } = *solver;
@@ -269,7 +269,7 @@ impl<const L: usize> Simulation<L> {
     }
 
     /// Goes back to where the control period began.
-    fn go_back(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
+    fn go_back(&mut self, model: &LoopModel<L>, scratch: &mut Scratch<L>) {
         scratch.begin.restore(&model.plant, &[true; L], &mut self.state, &mut self.walkers);
         let (mut plant, state) = self.plant(model, scratch);
         plant.sense(state);
@@ -277,7 +277,7 @@ impl<const L: usize> Simulation<L> {
     }
 
     /// Counts what has come of the `open` lanes in an `attempt`, and puts the others back where they had been before it.
-    fn settle(&mut self, model: &Model<L>, attempt: usize, open: &[bool; L], scratch: &mut Scratch<L>) {
+    fn settle(&mut self, model: &LoopModel<L>, attempt: usize, open: &[bool; L], scratch: &mut Scratch<L>) {
         self.repeats.count(attempt, open, &self.diverged);
         scratch.settled.restore(&model.plant, &open.map(|open| !open), &mut self.state, &mut self.walkers);
         let (mut plant, state) = self.plant(model, scratch);
@@ -289,7 +289,7 @@ impl<const L: usize> Simulation<L> {
     #[inline(always)]
     pub fn advance_metered(
         &mut self,
-        model: &Model<L>,
+        model: &LoopModel<L>,
         commands: &[f64; L],
         scratch: &mut Scratch<L>,
         meter: &mut EnergyMeter<L>,
@@ -304,7 +304,7 @@ impl<const L: usize> Simulation<L> {
     }
 
     #[inline(always)]
-    fn begin_period(&mut self, model: &Model<L>, commands: &[f64; L], scratch: &mut Scratch<L>) {
+    fn begin_period(&mut self, model: &LoopModel<L>, commands: &[f64; L], scratch: &mut Scratch<L>) {
         self.walkers.command = *commands;
         self.walkers.extension_stop_peak = [0.0; L];
         self.set_intent(&[true; L]);
@@ -350,7 +350,7 @@ impl<const L: usize> Simulation<L> {
     }
 
     #[inline(always)]
-    fn finish_period(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
+    fn finish_period(&mut self, model: &LoopModel<L>, scratch: &mut Scratch<L>) {
         for lane in 0..L {
             // The sum of many small steps drifts; the grid does not.
             self.sample[lane] += 1;
@@ -367,7 +367,7 @@ impl<const L: usize> Simulation<L> {
 
     /// Evaluates the sensed state, and what the sensors see of it.
     #[inline(always)]
-    fn measure(&mut self, model: &Model<L>, scratch: &mut Scratch<L>) {
+    fn measure(&mut self, model: &LoopModel<L>, scratch: &mut Scratch<L>) {
         let Scratch { signals, rates, .. } = scratch;
         HumanProsthesis { model: &model.plant, walkers: &mut self.walkers, signals }.rates(
             &self.state,
@@ -383,14 +383,14 @@ impl<const L: usize> Simulation<L> {
 
     /// Lets the state machine hear the last readings.
     #[inline(always)]
-    fn control(&mut self, model: &Model<L>, lane: usize) {
+    fn control(&mut self, model: &LoopModel<L>, lane: usize) {
         let readings = self.readings.get(lane);
         self.state_machine_command[lane] = model.reference.update(lane, &mut self.state_machine[lane], &readings);
     }
 }
 
 vectorised! {
-    fn evaluate<const L: usize>(simulation: &mut Simulation<L>, model: &Model<L>, scratch: &mut Scratch<L>) {
+    fn evaluate<const L: usize>(simulation: &mut Simulation<L>, model: &LoopModel<L>, scratch: &mut Scratch<L>) {
         let (mut plant, state) = simulation.plant(model, scratch);
         plant.sense(state);
         simulation.measure(model, scratch);

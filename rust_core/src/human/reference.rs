@@ -79,7 +79,7 @@ impl Filter {
     /// Acceleration of a filtered reference, mean over the step.
     #[inline(always)]
     pub fn acceleration(&self, rough: f64, smooth: f64, rate: f64) -> f64 {
-        (self.stiffness * (rough - smooth).less(self.step, rate)).less(self.damping, rate) * self.inverse
+        (self.stiffness * (rough - smooth).minus(self.step, rate)).minus(self.damping, rate) * self.inverse
     }
 }
 

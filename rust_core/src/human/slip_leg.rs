@@ -27,14 +27,14 @@ pub fn trunk_force(human: &Human, drive: &Drive, x: f64, y: f64, vx: f64, vy: f6
     let inverse = 1.0 / length;
     let (sine, cosine) = (dx * inverse, dy * inverse);
     let length_rate = (sine * vx).plus(cosine, vy);
-    let pendulum = (drive.slip_stiffness * (human.leg_length - length)).less(drive.slip_damping, length_rate);
+    let pendulum = (drive.slip_stiffness * (human.leg_length - length)).minus(drive.slip_damping, length_rate);
 
     let angle = angle_of_half_tangent(dx / (length + dy));
     let bump = cos_up_to_quarter_turn(angle * human.lift_phase);
-    let fade = clamp(2.0_f64.less(time - drive.touch_down, drive.fade_rate), 0.0, 1.0);
+    let fade = clamp(2.0_f64.minus(time - drive.touch_down, drive.fade_rate), 0.0, 1.0);
     let lift = select(angle.abs() < human.touch_down_angle, drive.lift.plus(drive.stop_lift, fade) * bump, 0.0);
     TrunkForce {
-        x: drive.thrust.plus(pendulum, sine).less(drive.brake, vx),
+        x: drive.thrust.plus(pendulum, sine).minus(drive.brake, vx),
         y: (drive.support + lift).plus(pendulum, cosine),
         pendulum,
     }

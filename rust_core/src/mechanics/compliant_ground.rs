@@ -86,7 +86,7 @@ pub fn contact(ground: &Ground, height: f64, vx: f64, vy: f64, deformation: f64)
     let depth = max(-height, 0.0);
     let root = depth.sqrt();
     // Forces over the root of the depth: K z - D y' and K u + D x'.
-    let pressing = (ground.stiffness * depth).less(ground.damping, vy);
+    let pressing = (ground.stiffness * depth).minus(ground.damping, vy);
     let pushes = (depth > 0.0) & (pressing > 0.0);
     let push = select(pushes, pressing, 0.0);
     let sticking = -(ground.stiffness * deformation).plus(ground.damping, vx);

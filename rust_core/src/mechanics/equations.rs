@@ -87,37 +87,37 @@ impl Equations {
         let (lt, ls, lf) = (tx * inverse_x, sx * inverse_x, fx * inverse_x);
         if !LEVEL {
             let ly = yx * inverse_x;
-            yy = yy.less(ly, yx);
-            y = y.less(ly, x);
-            ty = ty.less(lt, yx);
-            sy = sy.less(ls, yx);
-            fy = fy.less(lf, yx);
+            yy = yy.minus(ly, yx);
+            y = y.minus(ly, x);
+            ty = ty.minus(lt, yx);
+            sy = sy.minus(ls, yx);
+            fy = fy.minus(lf, yx);
         }
-        (tt, st, ss) = (tt.less(lt, tx), st.less(ls, tx), ss.less(ls, sx));
-        (ft, fs, ff) = (ft.less(lf, tx), fs.less(lf, sx), ff.less(lf, fx));
-        (t, s, f) = (t.less(lt, x), s.less(ls, x), f.less(lf, x));
+        (tt, st, ss) = (tt.minus(lt, tx), st.minus(ls, tx), ss.minus(ls, sx));
+        (ft, fs, ff) = (ft.minus(lf, tx), fs.minus(lf, sx), ff.minus(lf, fx));
+        (t, s, f) = (t.minus(lt, x), s.minus(ls, x), f.minus(lf, x));
 
         let inverse_y = 1.0 / yy;
         let (lt, ls, lf) = (ty * inverse_y, sy * inverse_y, fy * inverse_y);
-        (tt, st, ss) = (tt.less(lt, ty), st.less(ls, ty), ss.less(ls, sy));
-        (ft, fs, ff) = (ft.less(lf, ty), fs.less(lf, sy), ff.less(lf, fy));
-        (t, s, f) = (t.less(lt, y), s.less(ls, y), f.less(lf, y));
+        (tt, st, ss) = (tt.minus(lt, ty), st.minus(ls, ty), ss.minus(ls, sy));
+        (ft, fs, ff) = (ft.minus(lf, ty), fs.minus(lf, sy), ff.minus(lf, fy));
+        (t, s, f) = (t.minus(lt, y), s.minus(ls, y), f.minus(lf, y));
 
         let inverse_t = 1.0 / tt;
         let (ls, lf) = (st * inverse_t, ft * inverse_t);
-        (ss, fs, ff) = (ss.less(ls, st), fs.less(lf, st), ff.less(lf, ft));
-        (s, f) = (s.less(ls, t), f.less(lf, t));
+        (ss, fs, ff) = (ss.minus(ls, st), fs.minus(lf, st), ff.minus(lf, ft));
+        (s, f) = (s.minus(ls, t), f.minus(lf, t));
 
         let inverse_s = 1.0 / ss;
         let lf = fs * inverse_s;
-        (ff, f) = (ff.less(lf, fs), f.less(lf, s));
+        (ff, f) = (ff.minus(lf, fs), f.minus(lf, s));
 
         let foot = f / ff;
-        let shank = s.less(fs, foot) * inverse_s;
-        let thigh = t.less(ft, foot).less(st, shank) * inverse_t;
-        let hip_y = y.less(fy, foot).less(sy, shank).less(ty, thigh) * inverse_y;
-        let left = x.less(fx, foot).less(sx, shank).less(tx, thigh);
-        let hip_x = (if LEVEL { left } else { left.less(yx, hip_y) }) * inverse_x;
+        let shank = s.minus(fs, foot) * inverse_s;
+        let thigh = t.minus(ft, foot).minus(st, shank) * inverse_t;
+        let hip_y = y.minus(fy, foot).minus(sy, shank).minus(ty, thigh) * inverse_y;
+        let left = x.minus(fx, foot).minus(sx, shank).minus(tx, thigh);
+        let hip_x = (if LEVEL { left } else { left.minus(yx, hip_y) }) * inverse_x;
         Acceleration { hip_x, hip_y, thigh, shank, foot }
     }
 }

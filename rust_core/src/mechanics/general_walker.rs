@@ -59,7 +59,7 @@ pub struct GeneralWalker {
 
 /// One walker's joint coordinates and forces, and the scratch of their evaluation.
 #[derive(Clone, Debug, Default)]
-pub struct Evaluation {
+pub struct WalkerWorkspace {
     q: Vec<f64>,
     qd: Vec<f64>,
     qdd: Vec<f64>,
@@ -78,7 +78,7 @@ const TUBE_AFTER_KNEE: usize = 1;
 const ANKLE_AFTER_KNEE: usize = 3;
 
 /// Position and velocity of a place in a body's frame; NaN where the assumed state is not valid.
-fn place_of(work: &Evaluation, body: usize, place: Vector) -> Point {
+fn place_of(work: &WalkerWorkspace, body: usize, place: Vector) -> Point {
     if !work.valid {
         return Point { x: f64::NAN, y: f64::NAN, vx: f64::NAN, vy: f64::NAN };
     }
@@ -151,7 +151,7 @@ impl GeneralWalker {
     /// Takes on a state: positions, velocities and the trunk's prescribed motion, which counts where it is an inverse joint.
     pub fn assume(
         &self,
-        work: &mut Evaluation,
+        work: &mut WalkerWorkspace,
         motion: &Motion,
         deflection: &Deflection,
         rates: &Deflection,
@@ -176,25 +176,25 @@ impl GeneralWalker {
     }
 
     /// Contact point `point` in the assumed state.
-    pub fn point(&self, work: &Evaluation, point: usize) -> Point {
+    pub fn point(&self, work: &WalkerWorkspace, point: usize) -> Point {
         let (body, place) = self.points[point];
         place_of(work, body, place)
     }
 
     /// Ankle in the assumed state.
-    pub fn ankle_point(&self, work: &Evaluation) -> Point {
+    pub fn ankle_point(&self, work: &WalkerWorkspace) -> Point {
         place_of(work, self.ankle(), [0.0; 2])
     }
 
     /// Position and velocity of knee flexion, hip and ankle (rad, rad/s) in the assumed state.
-    pub fn joints(&self, work: &Evaluation) -> [(f64, f64); 3] {
+    pub fn joints(&self, work: &WalkerWorkspace) -> [(f64, f64); 3] {
         let at = |joint: usize| (work.q[joint], work.qd[joint]);
         let (knee, knee_rate) = at(self.knee);
         [(-knee, -knee_rate), at(HIP), at(self.ankle())]
     }
 
     /// Begins an evaluation: no forces but gravity, and the accelerations of the inverse joints.
-    pub fn begin(&self, work: &mut Evaluation, trunk: f64, hip: f64) {
+    pub fn begin(&self, work: &mut WalkerWorkspace, trunk: f64, hip: f64) {
         work.tau.fill(0.0);
         work.qdd.fill(0.0);
         work.added.clear();
@@ -205,24 +205,24 @@ impl GeneralWalker {
     }
 
     /// Adds a joint's torque with its derivatives; the stiffness acts on `error_rate`.
-    fn drive(&self, work: &mut Evaluation, joint: usize, torque: &JointTorque, error_rate: f64, step: f64) {
+    fn drive(&self, work: &mut WalkerWorkspace, joint: usize, torque: &JointTorque, error_rate: f64, step: f64) {
         let n = work.q.len();
         work.tau[joint] += torque.torque - step * torque.stiffness * error_rate;
         work.added[joint * n + joint] += step * (torque.damping + step * torque.stiffness);
     }
 
     /// Trunk torque, relative to a reference that the trunk passes at `error_rate`.
-    pub fn drive_trunk(&self, work: &mut Evaluation, torque: &JointTorque, error_rate: f64, step: f64) {
+    pub fn drive_trunk(&self, work: &mut WalkerWorkspace, torque: &JointTorque, error_rate: f64, step: f64) {
         self.drive(work, TRUNK, torque, error_rate, step);
     }
 
     /// Hip torque, likewise.
-    pub fn drive_hip(&self, work: &mut Evaluation, torque: &JointTorque, error_rate: f64, step: f64) {
+    pub fn drive_hip(&self, work: &mut WalkerWorkspace, torque: &JointTorque, error_rate: f64, step: f64) {
         self.drive(work, HIP, torque, error_rate, step);
     }
 
     /// Torques of knee and ankle.
-    pub fn drive_device(&self, work: &mut Evaluation, knee: &JointTorque, ankle: &JointTorque, step: f64) {
+    pub fn drive_device(&self, work: &mut WalkerWorkspace, knee: &JointTorque, ankle: &JointTorque, step: f64) {
         for (joint, torque) in [(self.knee, knee), (self.ankle(), ankle)] {
             let rate = work.qd[joint];
             self.drive(work, joint, torque, rate, step);
@@ -230,18 +230,18 @@ impl GeneralWalker {
     }
 
     /// Springs and dampers (stiffness, damping) of the socket's two joints.
-    pub fn drive_socket(&self, work: &mut Evaluation, springs: [(f64, f64); 2], step: f64) {
+    pub fn drive_socket(&self, work: &mut WalkerWorkspace, springs: [(f64, f64); 2], step: f64) {
         if let Some(socket) = self.socket {
             self.drive_springs(work, socket, springs, step);
         }
     }
 
     /// Springs and dampers (stiffness, damping) of the tube's two joints.
-    pub fn drive_tube(&self, work: &mut Evaluation, springs: [(f64, f64); 2], step: f64) {
+    pub fn drive_tube(&self, work: &mut WalkerWorkspace, springs: [(f64, f64); 2], step: f64) {
         self.drive_springs(work, self.tube(), springs, step);
     }
 
-    fn drive_springs(&self, work: &mut Evaluation, first: usize, springs: [(f64, f64); 2], step: f64) {
+    fn drive_springs(&self, work: &mut WalkerWorkspace, first: usize, springs: [(f64, f64); 2], step: f64) {
         for (joint, (stiffness, damping)) in (first..).zip(springs) {
             let rate = work.qd[joint];
             let torque = -stiffness * work.q[joint] - damping * rate;
@@ -250,12 +250,12 @@ impl GeneralWalker {
     }
 
     /// Force on the trunk at the hip, N.
-    pub fn push_trunk(&self, work: &mut Evaluation, x: f64, y: f64) {
+    pub fn push_trunk(&self, work: &mut WalkerWorkspace, x: f64, y: f64) {
         work.forces.push(ExternalForce { body: TRUNK, point: [0.0; 2], force: [x, y] });
     }
 
     /// Force on a contact point with its derivatives.
-    pub fn push_point(&self, work: &mut Evaluation, point: usize, force: &PointForce, step: f64) {
+    pub fn push_point(&self, work: &mut WalkerWorkspace, point: usize, force: &PointForce, step: f64) {
         if !work.valid || (force.x == 0.0 && force.y == 0.0) {
             return;
         }
@@ -282,8 +282,8 @@ impl GeneralWalker {
     }
 
     /// Solves for the accelerations of the forward joints and the forces of the others. A state that is not finite gives NaN.
-    pub fn solve(&self, work: &mut Evaluation) {
-        let Evaluation { q, qd, qdd, tau, added, forces, work: scratch, valid, .. } = work;
+    pub fn solve(&self, work: &mut WalkerWorkspace) {
+        let WalkerWorkspace { q, qd, qdd, tau, added, forces, work: scratch, valid, .. } = work;
         let solved = *valid
             && self
                 .chain
@@ -296,7 +296,7 @@ impl GeneralWalker {
     }
 
     /// Accelerations of the usual walker's coordinates.
-    pub fn acceleration(&self, work: &Evaluation) -> Acceleration {
+    pub fn acceleration(&self, work: &WalkerWorkspace) -> Acceleration {
         let turn = |joints: std::ops::RangeInclusive<usize>| -> f64 {
             joints.filter(|&i| self.turns(i)).map(|i| work.qdd[i]).sum()
         };
@@ -315,12 +315,12 @@ impl GeneralWalker {
     }
 
     /// Knee flexion's acceleration, rad/s^2.
-    pub fn flexion_acceleration(&self, work: &Evaluation) -> f64 {
+    pub fn flexion_acceleration(&self, work: &WalkerWorkspace) -> f64 {
         -work.qdd[self.knee]
     }
 
     /// Accelerations of the deflections.
-    pub fn deflection_acceleration(&self, work: &Evaluation) -> Deflection {
+    pub fn deflection_acceleration(&self, work: &WalkerWorkspace) -> Deflection {
         let socket = |joint: usize| self.socket.map_or(0.0, |first| work.qdd[first + joint]);
         Deflection {
             trunk: work.qdd[TRUNK],
@@ -332,7 +332,7 @@ impl GeneralWalker {
     }
 
     /// Velocity of a contact point at the end of a step, forward and up, m/s.
-    pub fn end_velocity(&self, work: &Evaluation, point: usize, step: f64) -> Vector {
+    pub fn end_velocity(&self, work: &WalkerWorkspace, point: usize, step: f64) -> Vector {
         let mut velocity = [0.0; 2];
         for (i, [x, y]) in work.jacobians[point].iter().enumerate() {
             let rate = work.qd[i] + step * work.qdd[i];
@@ -342,7 +342,7 @@ impl GeneralWalker {
     }
 
     /// Forces of trunk, hip, socket (shift, tilt) and tube (shift, tilt), N and N m; 0 for a socket that is rigid.
-    pub fn forces(&self, work: &Evaluation) -> JointForces {
+    pub fn forces(&self, work: &WalkerWorkspace) -> JointForces {
         let socket = |joint: usize| self.socket.map_or(0.0, |first| work.tau[first + joint]);
         JointForces {
             trunk: work.tau[TRUNK],
@@ -353,7 +353,7 @@ impl GeneralWalker {
     }
 
     /// Rates of the same joints.
-    pub fn rates(&self, work: &Evaluation) -> JointForces {
+    pub fn rates(&self, work: &WalkerWorkspace) -> JointForces {
         let socket = |joint: usize| self.socket.map_or(0.0, |first| work.qd[first + joint]);
         JointForces {
             trunk: work.qd[TRUNK],
@@ -364,7 +364,7 @@ impl GeneralWalker {
     }
 
     /// Specific force on thigh and shank, so far (m) below hip and knee, across and along the segment.
-    pub fn specific_forces(&self, work: &Evaluation, thigh: f64, shank: f64) -> [Vector; 2] {
+    pub fn specific_forces(&self, work: &WalkerWorkspace, thigh: f64, shank: f64) -> [Vector; 2] {
         // Below the socket the sensor sits on it.
         let place = self.socket.map_or(f64::INFINITY, |socket| -self.chain.joints()[socket].offset[1]);
         let (body, below) = if thigh > place { (HIP + 2, thigh - place) } else { (HIP, thigh) };
@@ -374,7 +374,7 @@ impl GeneralWalker {
     }
 
     /// Kinetic and potential energy, J.
-    pub fn energy(&self, work: &Evaluation) -> [f64; 2] {
+    pub fn energy(&self, work: &WalkerWorkspace) -> [f64; 2] {
         [self.chain.kinetic_energy(&work.q, &work.qd), self.chain.potential_energy(&work.q)]
             .map(|energy| energy.unwrap_or(f64::NAN))
     }

@@ -27,15 +27,15 @@ pub fn kinematics(body: &Body, motion: &Motion, trunk_angle: f64) -> Kinematics 
         thigh_y: -body.thigh_length * thigh_cos,
         shank_x: body.shank_length * shank_sin,
         shank_y: -body.shank_length * shank_cos,
-        thigh_mx: (body.thigh_moment_x * thigh_cos).less(body.thigh_moment_y, thigh_sin),
+        thigh_mx: (body.thigh_moment_x * thigh_cos).minus(body.thigh_moment_y, thigh_sin),
         thigh_my: (body.thigh_moment_x * thigh_sin).plus(body.thigh_moment_y, thigh_cos),
-        shank_mx: (body.shank_moment_x * shank_cos).less(body.shank_moment_y, shank_sin),
+        shank_mx: (body.shank_moment_x * shank_cos).minus(body.shank_moment_y, shank_sin),
         shank_my: (body.shank_moment_x * shank_sin).plus(body.shank_moment_y, shank_cos),
-        foot_mx: (body.foot_moment_x * foot_cos).less(body.foot_moment_y, foot_sin),
+        foot_mx: (body.foot_moment_x * foot_cos).minus(body.foot_moment_y, foot_sin),
         foot_my: (body.foot_moment_x * foot_sin).plus(body.foot_moment_y, foot_cos),
-        heel_x: (body.heel_x * foot_cos).less(body.sole_y, foot_sin),
+        heel_x: (body.heel_x * foot_cos).minus(body.sole_y, foot_sin),
         heel_y: (body.heel_x * foot_sin).plus(body.sole_y, foot_cos),
-        ball_x: (body.ball_x * foot_cos).less(body.sole_y, foot_sin),
+        ball_x: (body.ball_x * foot_cos).minus(body.sole_y, foot_sin),
         ball_y: (body.ball_x * foot_sin).plus(body.sole_y, foot_cos),
     }
 }
@@ -50,9 +50,9 @@ pub fn foot_point(motion: &Motion, kin: &Kinematics, arm_x: f64, arm_y: f64) -> 
         y: motion.hip_y + kin.thigh_y + kin.shank_y + arm_y,
         vx: motion
             .hip_vx
-            .less(motion.thigh_rate, kin.thigh_y)
-            .less(motion.shank_rate, kin.shank_y)
-            .less(motion.foot_rate, arm_y),
+            .minus(motion.thigh_rate, kin.thigh_y)
+            .minus(motion.shank_rate, kin.shank_y)
+            .minus(motion.foot_rate, arm_y),
         vy: motion
             .hip_vy
             .plus(motion.thigh_rate, kin.thigh_x)
@@ -67,7 +67,7 @@ pub fn knee_point(motion: &Motion, kin: &Kinematics) -> Point {
     Point {
         x: motion.hip_x + kin.thigh_x,
         y: motion.hip_y + kin.thigh_y,
-        vx: motion.hip_vx.less(motion.thigh_rate, kin.thigh_y),
+        vx: motion.hip_vx.minus(motion.thigh_rate, kin.thigh_y),
         vy: motion.hip_vy.plus(motion.thigh_rate, kin.thigh_x),
     }
 }
@@ -89,14 +89,14 @@ pub fn acceleration<const LEVEL: bool>(
     let (c1, c2, c3) = (w1 * w1, w2 * w2, w3 * w3);
 
     // (z x L_i) . S_j = L_i x S_j: centripetal coupling of two segments.
-    let thigh_shank = (kin.thigh_x * kin.shank_my).less(kin.thigh_y, kin.shank_mx);
-    let thigh_foot = (kin.thigh_x * kin.foot_my).less(kin.thigh_y, kin.foot_mx);
-    let shank_foot = (kin.shank_x * kin.foot_my).less(kin.shank_y, kin.foot_mx);
+    let thigh_shank = (kin.thigh_x * kin.shank_my).minus(kin.thigh_y, kin.shank_mx);
+    let thigh_foot = (kin.thigh_x * kin.foot_my).minus(kin.thigh_y, kin.foot_mx);
+    let shank_foot = (kin.shank_x * kin.foot_my).minus(kin.shank_y, kin.foot_mx);
 
     // Torques less the part that stiffness will take back over the step.
-    let hip = loads.hip.torque.less(step * loads.hip.stiffness, loads.hip_error_rate);
-    let knee = loads.knee.torque.less(step * loads.knee.stiffness, w2 - w1);
-    let ankle = loads.ankle.torque.less(step * loads.ankle.stiffness, w3 - w2);
+    let hip = loads.hip.torque.minus(step * loads.hip.stiffness, loads.hip_error_rate);
+    let knee = loads.knee.torque.minus(step * loads.knee.stiffness, w2 - w1);
+    let ankle = loads.ankle.torque.minus(step * loads.ankle.stiffness, w3 - w2);
     let implicit = |damping: f64, stiffness: f64| step * damping.plus(step, stiffness);
     let hip_implicit = implicit(loads.hip.damping, loads.hip.stiffness);
     let knee_implicit = implicit(loads.knee.damping, loads.knee.stiffness);
@@ -114,7 +114,7 @@ pub fn acceleration<const LEVEL: bool>(
             point.sin,
             point.cos,
         );
-        ([-arm_y, arm_x], [point.x.less(step, back_x), point.y.less(step, back_y)], damping)
+        ([-arm_y, arm_x], [point.x.minus(step, back_x), point.y.minus(step, back_y)], damping)
     };
     let (heel_arm, heel_force, heel) = contact(&loads.heel, kin.heel_x, kin.heel_y);
     let (ball_arm, ball_force, ball) = contact(&loads.ball, kin.ball_x, kin.ball_y);
@@ -151,30 +151,30 @@ pub fn acceleration<const LEVEL: bool>(
             .plus(c2, kin.shank_mx)
             .plus(c3, kin.foot_mx),
         y: (loads.trunk_y + loads.knee_y + ground[1])
-            .less(body.mass, GRAVITY)
-            .less(trunk.acceleration, kin.trunk_mx)
+            .minus(body.mass, GRAVITY)
+            .minus(trunk.acceleration, kin.trunk_mx)
             .plus(trunk_centripetal, kin.trunk_my)
             .plus(c1, kin.thigh_my)
             .plus(c2, kin.shank_my)
             .plus(c3, kin.foot_my),
         t: (hip - knee)
-            .less(GRAVITY, kin.thigh_mx)
-            .less(kin.thigh_y, loads.knee_x)
+            .minus(GRAVITY, kin.thigh_mx)
+            .minus(kin.thigh_y, loads.knee_x)
             .plus(kin.thigh_x, loads.knee_y)
             .plus_dot(ground, thigh)
             .plus(c2, thigh_shank)
             .plus(c3, thigh_foot),
         s: (knee - ankle)
-            .less(GRAVITY, kin.shank_mx)
+            .minus(GRAVITY, kin.shank_mx)
             .plus_dot(ground, shank)
-            .less(c1, thigh_shank)
+            .minus(c1, thigh_shank)
             .plus(c3, shank_foot),
         f: ankle
-            .less(GRAVITY, kin.foot_mx)
+            .minus(GRAVITY, kin.foot_mx)
             .plus_dot(heel_force, heel_arm)
             .plus_dot(ball_force, ball_arm)
-            .less(c1, thigh_foot)
-            .less(c2, shank_foot),
+            .minus(c1, thigh_foot)
+            .minus(c2, shank_foot),
     }
     .solve::<LEVEL>()
 }

@@ -35,7 +35,7 @@ pub trait FusedSum {
 
     /// `self - a b`.
     #[must_use]
-    fn less(self, a: f64, b: f64) -> f64;
+    fn minus(self, a: f64, b: f64) -> f64;
 
     /// `self + a . b`.
     #[must_use]
@@ -49,7 +49,7 @@ impl FusedSum for f64 {
     }
 
     #[inline(always)]
-    fn less(self, a: f64, b: f64) -> f64 {
+    fn minus(self, a: f64, b: f64) -> f64 {
         (-a).mul_add(b, self)
     }
 
@@ -87,7 +87,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
     let shifted = ROUND.plus(x, std::f64::consts::FRAC_2_PI);
     let quadrant = shifted.to_bits();
     let n = shifted - ROUND;
-    let r = x.less(n, HALF_PI_HIGH).less(n, HALF_PI_LOW);
+    let r = x.minus(n, HALF_PI_HIGH).minus(n, HALF_PI_LOW);
 
     // Estrin's scheme: pairs of terms wait for each other less than Horner's chain does.
     let z = r * r;
@@ -100,7 +100,7 @@ pub fn sin_cos(x: f64) -> (f64, f64) {
                 .plus(z2, pair(-2.505_076_025_340_686_3e-8, 1.589_690_995_211_55e-10)),
         ),
     );
-    let cosine = 1.0_f64.less(0.5, z).plus(
+    let cosine = 1.0_f64.minus(0.5, z).plus(
         z2,
         pair(4.166_666_666_666_66e-2, -1.388_888_888_887_411e-3).plus(
             z2,
@@ -138,7 +138,7 @@ pub fn exp(x: f64) -> f64 {
     const LN2_LOW: f64 = 1.908_214_929_270_587_7e-10;
     let shifted = ROUND.plus(x, std::f64::consts::LOG2_E);
     let n = shifted - ROUND;
-    let r = x.less(n, LN2_HIGH).less(n, LN2_LOW);
+    let r = x.minus(n, LN2_HIGH).minus(n, LN2_LOW);
     // Taylor series by Estrin's scheme; |r| < 0.35, so the first term left out is below 2e-16.
     let (r2, pair) = (r * r, |low: f64, high: f64| low.plus(r, high));
     let r4 = r2 * r2;

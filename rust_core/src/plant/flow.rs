@@ -85,6 +85,68 @@ impl<const L: usize> HumanProsthesis<'_, L> {
         }
     }
 
+    /// Human controller: smooth references of trunk and hip, and the torque that pulls the hip to its own.
+    #[inline(always)]
+    fn follow_references(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
+        for lane in 0..L {
+            let drive = self.walkers.drive.get(lane);
+            let smooth = state.reference.get(lane);
+            let step = implicit_step[lane];
+            let thigh = reference::rough_thigh(&drive, state.rest.time[lane]);
+            let filter = reference::Filter::new(&drive, step);
+            let trunk_acceleration = filter.acceleration(drive.trunk, smooth.trunk, smooth.trunk_rate);
+            let hip_acceleration = filter.acceleration(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
+            self.signals.prescribed.set(
+                lane,
+                Prescribed { angle: smooth.trunk, rate: smooth.trunk_rate, acceleration: trunk_acceleration },
+            );
+            rates.reference.set(
+                lane,
+                Reference {
+                    trunk: smooth.trunk_rate + step * trunk_acceleration,
+                    trunk_rate: trunk_acceleration,
+                    hip: smooth.hip_rate + step * hip_acceleration,
+                    hip_rate: hip_acceleration,
+                },
+            );
+            self.signals.hip_torque.set(lane, hip_torque(&drive, &self.signals.joints.get(lane), &smooth));
+        }
+    }
+
+    /// Prosthesis: torques of knee unit, end stops and ankle.
+    #[inline(always)]
+    fn drive_knee(&mut self, state: &State<L>, implicit_step: &[f64; L]) {
+        let mut unit_torque = UnitTorqueLanes::default();
+        self.model.unit.torques(&self.unit_inputs(state), implicit_step, &mut unit_torque);
+        self.signals.unit_torque = unit_torque;
+        // A knee that is nowhere near its flexion stop needs no torque of it.
+        if (0..L).all(|lane| self.signals.joint.flexion[lane] < self.model.end_stop.flexion[lane]) {
+            self.load_device::<false>();
+        } else {
+            self.load_device::<true>();
+        }
+    }
+
+    /// Hybrid dynamics: accelerations under all torques and contacts, and the rates of motion and ground that follow.
+    #[inline(always)]
+    fn move_mechanism(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
+        if let Some(mut general) = self.signals.general.take() {
+            self.lend().move_general(&mut general, state, implicit_step, rates);
+            self.signals.general = Some(general);
+        } else if self.model.level {
+            self.move_walker::<true>(state, implicit_step, rates);
+        } else {
+            self.move_walker::<false>(state, implicit_step, rates);
+        }
+    }
+
+    /// Rates of the knee unit's rotor, which the knee's acceleration carries along.
+    #[inline(always)]
+    fn turn_rotor(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
+        let flexion_acceleration = &self.signals.flexion_acceleration;
+        self.model.unit.rates(&self.unit_inputs(state), flexion_acceleration, implicit_step, &mut rates.rotor);
+    }
+
     /// Lets the knee unit see the present command: all that changes of a sensed state when a new command arrives.
     #[inline(always)]
     pub fn sense_command(&mut self, state: &State<L>) {
@@ -199,50 +261,10 @@ impl<const L: usize> HybridFlow<L> for HumanProsthesis<'_, L> {
 
     #[inline(always)]
     fn rates(&mut self, state: &State<L>, implicit_step: &[f64; L], rates: &mut State<L>) {
-        // Human controller: references and hip.
-        for lane in 0..L {
-            let drive = self.walkers.drive.get(lane);
-            let smooth = state.reference.get(lane);
-            let step = implicit_step[lane];
-            let thigh = reference::rough_thigh(&drive, state.rest.time[lane]);
-            let filter = reference::Filter::new(&drive, step);
-            let trunk_acceleration = filter.acceleration(drive.trunk, smooth.trunk, smooth.trunk_rate);
-            let hip_acceleration = filter.acceleration(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
-            self.signals.prescribed.set(
-                lane,
-                Prescribed { angle: smooth.trunk, rate: smooth.trunk_rate, acceleration: trunk_acceleration },
-            );
-            rates.reference.set(
-                lane,
-                Reference {
-                    trunk: smooth.trunk_rate + step * trunk_acceleration,
-                    trunk_rate: trunk_acceleration,
-                    hip: smooth.hip_rate + step * hip_acceleration,
-                    hip_rate: hip_acceleration,
-                },
-            );
-            self.signals.hip_torque.set(lane, hip_torque(&drive, &self.signals.joints.get(lane), &smooth));
-        }
-        // Prosthesis device.
-        let mut unit_torque = UnitTorqueLanes::default();
-        self.model.unit.torques(&self.unit_inputs(state), implicit_step, &mut unit_torque);
-        self.signals.unit_torque = unit_torque;
-        // A knee that is nowhere near its flexion stop needs no torque of it.
-        if (0..L).all(|lane| self.signals.joint.flexion[lane] < self.model.end_stop.flexion[lane]) {
-            self.load_device::<false>();
-        } else {
-            self.load_device::<true>();
-        }
-        if let Some(mut general) = self.signals.general.take() {
-            self.lend().move_general(&mut general, state, implicit_step, rates);
-            self.signals.general = Some(general);
-        } else if self.model.level {
-            self.move_walker::<true>(state, implicit_step, rates);
-        } else {
-            self.move_walker::<false>(state, implicit_step, rates);
-        }
-        let flexion_acceleration = &self.signals.flexion_acceleration;
-        self.model.unit.rates(&self.unit_inputs(state), flexion_acceleration, implicit_step, &mut rates.rotor);
+        self.follow_references(state, implicit_step, rates);
+        self.drive_knee(state, implicit_step);
+        self.move_mechanism(state, implicit_step, rates);
+        self.turn_rotor(state, implicit_step, rates);
     }
 
     #[inline(always)]

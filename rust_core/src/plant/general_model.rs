@@ -1,7 +1,7 @@
 //! Constants of general walkers, and what their evaluation leaves behind.
 
 use crate::mechanics::compliant_ground::{ContactLanes, Ground};
-use crate::mechanics::general_walker::{Evaluation, GeneralWalker, Layout};
+use crate::mechanics::general_walker::{GeneralWalker, Layout, WalkerWorkspace};
 use crate::mechanics::joint_drives::JointDrive;
 use crate::mechanics::terrain::{Surface, SurfaceLanes};
 use crate::plant::contact_force::point_force;
@@ -31,7 +31,7 @@ pub(super) struct GeneralModel<const L: usize> {
 /// What an evaluation of general walkers leaves behind.
 #[derive(Clone, Debug)]
 pub(super) struct GeneralSignals<const L: usize> {
-    pub evaluations: Vec<Evaluation>,
+    pub evaluations: Vec<WalkerWorkspace>,
     /// Contacts after heel, ball, knee and hip, and the surfaces below them.
     pub contacts: Vec<ContactLanes<L>>,
     pub surfaces: Vec<SurfaceLanes<L>>,
@@ -41,7 +41,7 @@ impl<const L: usize> GeneralSignals<L> {
     /// Storage for evaluations of walkers like these.
     pub fn new(model: &GeneralModel<L>) -> Self {
         Self {
-            evaluations: vec![Evaluation::default(); L],
+            evaluations: vec![WalkerWorkspace::default(); L],
             contacts: vec![ContactLanes::default(); model.more],
             surfaces: vec![SurfaceLanes::splat(Surface::LEVEL); model.more],
         }

@@ -17,7 +17,7 @@ use crate::prosthesis::knee::unit::KneeUnit;
 
 /// Constants of a block of walkers. Blocks of equal walkers share one.
 #[derive(Clone, Debug)]
-pub struct Model<const L: usize> {
+pub struct PlantModel<const L: usize> {
     pub(super) body: BodyLanes<L>,
     pub(super) ground: GroundLanes<L>,
     pub(super) terrain: TerrainLanes<L>,
@@ -37,7 +37,7 @@ pub struct Model<const L: usize> {
     pub(super) general: Option<Box<GeneralModel<L>>>,
 }
 
-impl<const L: usize> Model<L> {
+impl<const L: usize> PlantModel<L> {
     /// Walkers with the given parameters.
     pub fn new(params: &PlantParams<'_>) -> Self {
         let body = Body::from(params.body);

@@ -3,12 +3,12 @@
 use crate::human::{reference, slip_leg};
 use crate::mechanics::body::Body;
 use crate::mechanics::compliant_ground::Contact;
-use crate::mechanics::general_walker::{Evaluation, GeneralWalker};
+use crate::mechanics::general_walker::{GeneralWalker, WalkerWorkspace};
 use crate::mechanics::motion::{JointTorque, Loads, Motion, Point, PointForce, Prescribed};
 use crate::mechanics::walker::{self, Reactions};
 use crate::plant::contact_force::{level_force, point_force};
 use crate::plant::contact_points::{BALL, CONTACT_POINTS, HEEL, HIP, KNEE};
-use crate::plant::model::Model;
+use crate::plant::model::PlantModel;
 use crate::plant::signals::Signals;
 use crate::plant::state::State;
 use crate::plant::torques::{DeviceTorque, EndJoints};
@@ -58,17 +58,22 @@ fn specific_force(
 
 /// A state with the signals that were evaluated at it.
 #[derive(Clone, Copy, Debug)]
-pub struct Evaluated<'a, const L: usize> {
-    pub(super) model: &'a Model<L>,
+pub struct PlantOutputs<'a, const L: usize> {
+    pub(super) model: &'a PlantModel<L>,
     pub(super) walkers: &'a Walkers<L>,
     pub(super) signals: &'a Signals<L>,
     pub(super) state: &'a State<L>,
 }
 
-impl<'a, const L: usize> Evaluated<'a, L> {
+impl<'a, const L: usize> PlantOutputs<'a, L> {
     /// A state with the signals that were evaluated at it.
     #[inline(always)]
-    pub fn new(model: &'a Model<L>, walkers: &'a Walkers<L>, signals: &'a Signals<L>, state: &'a State<L>) -> Self {
+    pub fn new(
+        model: &'a PlantModel<L>,
+        walkers: &'a Walkers<L>,
+        signals: &'a Signals<L>,
+        state: &'a State<L>,
+    ) -> Self {
         Self { model, walkers, signals, state }
     }
 
@@ -179,7 +184,7 @@ impl<'a, const L: usize> Evaluated<'a, L> {
     }
 
     /// The general walker in `lane` and its last evaluation, where it is one.
-    pub(super) fn general(&self, lane: usize) -> Option<(&'a GeneralWalker, &'a Evaluation)> {
+    pub(super) fn general(&self, lane: usize) -> Option<(&'a GeneralWalker, &'a WalkerWorkspace)> {
         let (model, signals) = (self.model.general.as_ref()?, self.signals.general.as_ref()?);
         Some((&model.walkers[lane], &signals.evaluations[lane]))
     }

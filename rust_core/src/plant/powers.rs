@@ -5,7 +5,7 @@ use crate::mechanics::motion::Point;
 use crate::mechanics::terrain::Surface;
 use crate::mechanics::walker;
 use crate::plant::contact_points::hip_point;
-use crate::plant::outputs::Evaluated;
+use crate::plant::outputs::PlantOutputs;
 use crate::schema::record::record;
 
 record! {
@@ -28,7 +28,7 @@ record! {
     }
 }
 
-impl<const L: usize> Evaluated<'_, L> {
+impl<const L: usize> PlantOutputs<'_, L> {
     /// Kinetic and potential energy of segments and knee unit's rotor.
     pub fn energy(&self, lane: usize) -> walker::Energy {
         let (_, rotor) = self.model.unit.powers(lane, &self.unit_inputs(), &self.signals.unit_torque.get(lane));

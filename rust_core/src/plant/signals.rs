@@ -8,7 +8,7 @@ use crate::mechanics::terrain::{Surface, SurfaceLanes};
 use crate::numerics::lanes::lanes;
 use crate::plant::contact_points::CONTACT_POINTS;
 use crate::plant::general_model::GeneralSignals;
-use crate::plant::model::Model;
+use crate::plant::model::PlantModel;
 use crate::plant::torques::{DeviceTorqueLanes, EndJointsLanes};
 use crate::prosthesis::knee::joint::{JointMotionLanes, UnitTorqueLanes};
 use crate::prosthesis::knee::motor::geared_motor::MotorSignalsLanes;
@@ -67,7 +67,7 @@ pub struct Signals<const L: usize> {
 
 impl<const L: usize> Signals<L> {
     /// Storage for evaluations of walkers like these.
-    pub fn new(model: &Model<L>) -> Self {
+    pub fn new(model: &PlantModel<L>) -> Self {
         Self {
             kinematics: KinematicsLanes::default(),
             contacts: std::array::from_fn(|_| ContactLanes::default()),

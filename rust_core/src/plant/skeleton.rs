@@ -4,7 +4,7 @@ use crate::mechanics::motion::Point;
 use crate::mechanics::walker;
 use crate::numerics::math::sin_cos;
 use crate::plant::contact_points::{BALL, HEEL, KNEE};
-use crate::plant::outputs::Evaluated;
+use crate::plant::outputs::PlantOutputs;
 
 /// Where the parts of the walker are, (x, y) in m.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +21,7 @@ pub struct Skeleton {
     pub ball: [f64; 2],
 }
 
-impl<const L: usize> Evaluated<'_, L> {
+impl<const L: usize> PlantOutputs<'_, L> {
     /// Where trunk and residual leg are.
     pub fn skeleton(&self, lane: usize) -> Skeleton {
         let motion = self.motion(lane);

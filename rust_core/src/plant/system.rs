@@ -1,7 +1,7 @@
 //! Human, mechanism, ground and device of a block of walkers, put together for an evaluation.
 
-use crate::plant::model::Model;
-use crate::plant::outputs::Evaluated;
+use crate::plant::model::PlantModel;
+use crate::plant::outputs::PlantOutputs;
 use crate::plant::signals::Signals;
 use crate::plant::state::State;
 use crate::plant::walkers::Walkers;
@@ -10,7 +10,7 @@ use crate::plant::walkers::Walkers;
 #[derive(Debug)]
 pub struct HumanProsthesis<'a, const L: usize> {
     /// Constants.
-    pub model: &'a Model<L>,
+    pub model: &'a PlantModel<L>,
     /// Inputs and discrete state.
     pub walkers: &'a mut Walkers<L>,
     /// Signals of the last evaluation.
@@ -20,8 +20,8 @@ pub struct HumanProsthesis<'a, const L: usize> {
 impl<const L: usize> HumanProsthesis<'_, L> {
     /// What there is to read at `state`, which must have been evaluated.
     #[inline(always)]
-    pub fn at<'b>(&'b self, state: &'b State<L>) -> Evaluated<'b, L> {
-        Evaluated::new(self.model, self.walkers, self.signals, state)
+    pub fn at<'b>(&'b self, state: &'b State<L>) -> PlantOutputs<'b, L> {
+        PlantOutputs::new(self.model, self.walkers, self.signals, state)
     }
 
     /// The same system for a function of its own. Its pointers stay in registers, and lane loops vector code, only as long as

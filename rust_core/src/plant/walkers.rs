@@ -5,7 +5,7 @@ use crate::human::gait_fsm::Memory;
 use crate::human::guard::GuardLanes;
 use crate::human::intent::Profile;
 use crate::human::variation::Individual;
-use crate::plant::model::Model;
+use crate::plant::model::PlantModel;
 
 /// Inputs and discrete state of a block of walkers.
 #[derive(Clone, Debug)]
@@ -76,7 +76,7 @@ impl<const L: usize> Walkers<L> {
     }
 
     /// Puts the walker in `lane`, who has started the same episode, where `walker` was.
-    pub fn set(&mut self, model: &Model<L>, lane: usize, walker: &WalkerMemory) {
+    pub fn set(&mut self, model: &PlantModel<L>, lane: usize, walker: &WalkerMemory) {
         self.command[lane] = walker.command;
         [self.push_x[lane], self.push_y[lane]] = walker.push;
         self.intent[lane] = walker.intent;
@@ -97,7 +97,7 @@ impl<const L: usize> Walkers<L> {
     }
 
     /// Derives from the human's memory what the continuous equations run on.
-    pub(super) fn refresh_drive(&mut self, model: &Model<L>, lane: usize) {
+    pub(super) fn refresh_drive(&mut self, model: &PlantModel<L>, lane: usize) {
         let human = model.human.get(lane);
         let individual = &self.individual[lane];
         self.drive.set(lane, self.memory[lane].drive(&human, individual));

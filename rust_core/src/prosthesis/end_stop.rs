@@ -71,7 +71,7 @@ const SMALLEST_RATIO: f64 = 0.05;
 #[inline(always)]
 pub fn rubber(stop: &EndStop, compression: f64, rate: f64) -> Stop {
     let touches = compression > 0.0;
-    let ratio = max(1.0_f64.less(max(compression, 0.0), stop.inverse_thickness), SMALLEST_RATIO);
+    let ratio = max(1.0_f64.minus(max(compression, 0.0), stop.inverse_thickness), SMALLEST_RATIO);
     let ratio_rate = -rate * stop.inverse_thickness;
     let inverse = 1.0 / ratio;
     let inverse2 = inverse * inverse;

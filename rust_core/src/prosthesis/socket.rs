@@ -5,7 +5,8 @@ use crate::schema::params::{ANY, above, params, within};
 use crate::signals::GRAVITY;
 
 params! {
-    /// Socket (section 5.2.3). Its stiffness is given as what body weight does to it; half the stiffness is twice that.
+    /// Socket (section 5.2.3). Its stiffness is stated by the deflection under a reference load: a socket half as stiff deflects
+    /// twice as far.
     pub struct SocketParams {
         /// Whether stump and socket move against each other.
         connection: Connection = Connection::Rigid, "", ANY;
@@ -15,7 +16,7 @@ params! {
         pistoning_m: f64 = 0.01, "m", above(0.0, 1.0);
         /// Tilt under 0.5 N m per kg of body mass, which sets k_6 = 0.5 m / d.
         tilt_rad: f64 = 0.01, "rad", above(0.0, 1.0);
-        /// Damping ratio of both: of the body's mass in pistoning, of an inertia of a quarter of its number in tilt.
+        /// Damping ratio of both joints. It refers to the body mass in pistoning, and in tilt to 0.25 kg m^2 of inertia per kg of body mass.
         damping_ratio: f64 = 1.0, "1", within(0.0, 10.0);
     }
 }

@@ -90,7 +90,8 @@ impl Distribution {
         }
     }
 
-    /// The value that a random `fraction`, uniform in [0, 1), draws. Of a uniform distribution it is so far from low to high.
+    /// Turns a random number `fraction`, uniform in [0, 1), into a value of the distribution. For a uniform distribution that is
+    /// the value this fraction of the way from its lowest to its highest.
     pub fn at(&self, fraction: f64) -> f64 {
         match self {
             Self::Fixed(value) => *value,

@@ -77,7 +77,8 @@ impl<const L: usize> Channel<L> {
         }
     }
 
-    /// Lengthens the line for a delay of so many samples; what it cannot know yet is not under way to anybody.
+    /// Makes the ring long enough for a delay of that many samples. The entries that it adds hold 0 until samples fill them; no
+    /// reading comes from them before, as a walker whose delay is that long fills its own when it starts.
     fn make_room(&mut self, delay: usize) {
         let (length, now) = (if delay > 0 { delay + 1 } else { 0 }, self.line.len());
         if length > now {

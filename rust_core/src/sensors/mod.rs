@@ -95,7 +95,7 @@ lanes! {
 
 /// Constants of the sensors of a block of walkers.
 #[derive(Clone, Debug)]
-pub struct Model<const L: usize> {
+pub struct SensorModel<const L: usize> {
     imu: ImuLanes<L>,
     channels: [Kind<L>; CHANNELS],
     knee_filter: FilteredRateLanes<L>,
@@ -118,7 +118,7 @@ impl From<&SensorParams> for Imu {
     }
 }
 
-impl<const L: usize> Model<L> {
+impl<const L: usize> SensorModel<L> {
     /// Sensors with the given parameters, the same for all walkers.
     pub fn new(params: &SensorParams) -> Self {
         let imperfections = imperfections(params);
@@ -205,7 +205,7 @@ impl<const L: usize> Sensors<L> {
     /// First sample of the lanes that have just been started; filters start at rest there.
     pub fn start(
         &mut self,
-        model: &Model<L>,
+        model: &SensorModel<L>,
         started: &[bool; L],
         truth: &MeasurandLanes<L>,
         readings: &mut ReadingsLanes<L>,
@@ -225,7 +225,7 @@ impl<const L: usize> Sensors<L> {
 
     /// One sample of every lane; `readings` holds the last ones.
     #[inline(always)]
-    pub fn sample(&mut self, model: &Model<L>, truth: &MeasurandLanes<L>, readings: &mut ReadingsLanes<L>) {
+    pub fn sample(&mut self, model: &SensorModel<L>, truth: &MeasurandLanes<L>, readings: &mut ReadingsLanes<L>) {
         for count in &mut self.count {
             *count += 1;
         }
@@ -250,7 +250,7 @@ mod tests {
     use crate::signals::{Measurand, Readings};
 
     fn run(params: &SensorParams, angle: impl Fn(f64) -> f64, samples: usize) -> Vec<Readings> {
-        let model = Model::new(params);
+        let model = SensorModel::new(params);
         let mut sensors = Sensors::<1>::default();
         let mut readings = ReadingsLanes::default();
         (0..samples)
@@ -319,7 +319,7 @@ mod tests {
         params.shank_specific_force.noise = 0.1;
         params.motor_speed.saturation = 12.5;
         let mut readings = ReadingsLanes::default();
-        let model = Model::new(&params);
+        let model = SensorModel::new(&params);
         Sensors::<1>::default().start(&model, &[true], &MeasurandLanes::splat(truth), &mut readings);
         let mut received = received(&mut readings).map(|reading| reading[0]);
         let axes = [received[5] - 6.0, received[6] - 7.0];

@@ -14,7 +14,7 @@ use crate::vector::environment::SavedEnvironment;
 use crate::vector::setup::Setup;
 use crate::vector::statistics::Normaliser;
 use crate::vector::step_output::StepOutput;
-use crate::vector::{memory, snapshot};
+use crate::vector::{memory, saved_states};
 
 /// Environments of a batch, at most.
 pub const MOST_ENVIRONMENTS: usize = 16_777_216;
@@ -32,7 +32,7 @@ pub struct Batch {
     width: usize,
     num_envs: usize,
     /// The first environment that has never been reset.
-    unborn: Option<usize>,
+    never_reset: Option<usize>,
     /// Memory that was there for it when it was made.
     bytes: u64,
     /// The environment that is recorded.
@@ -61,7 +61,7 @@ impl Batch {
             blocks.push(blocks[0].duplicate());
         }
         let crew = Crew::new(threads);
-        Ok(Self { setup, blocks, width, num_envs, unborn: Some(0), bytes, recorded: None, crew, normaliser: None })
+        Ok(Self { setup, blocks, width, num_envs, never_reset: Some(0), bytes, recorded: None, crew, normaliser: None })
     }
 
     /// Number of environments.
@@ -113,13 +113,13 @@ impl Batch {
         for ((i, block), mask) in self.blocks.iter_mut().enumerate().zip(mask.chunks(self.width)) {
             block.reset(&self.setup, mask, seeds.map(|seeds| &seeds[i * self.width..]), &mut self.crew.scratches);
         }
-        self.find_unborn();
+        self.find_never_reset();
         Ok(())
     }
 
-    fn find_unborn(&mut self) {
-        let born = |i: &usize| self.blocks[i / self.width].episode(i % self.width).is_some();
-        self.unborn = (0..self.num_envs).find(|i| !born(i));
+    fn find_never_reset(&mut self) {
+        let was_reset = |i: &usize| self.blocks[i / self.width].episode(i % self.width).is_some();
+        self.never_reset = (0..self.num_envs).find(|i| !was_reset(i));
     }
 
     /// Copies the newest observations, (N, observation size), normalised if that is asked for. Those in the mask `new` are seen
@@ -157,7 +157,7 @@ impl Batch {
     }
 
     fn step_raw(&mut self, actions: &[f64], output: StepOutput<'_>) -> Result<()> {
-        if let Some(index) = self.unborn {
+        if let Some(index) = self.never_reset {
             return Err(Error::Invalid(format!("environment {index} has not been reset yet")));
         }
         output.check(self.num_envs, self.observation_size(), self.setup.autoreset)?;
@@ -221,12 +221,12 @@ impl Batch {
             let saved = self.blocks[index / self.width].save(&self.setup, index % self.width);
             saved.ok_or_else(|| Error::Invalid(format!("environment {index} has not been reset yet")))
         });
-        snapshot::encode(&self.setup.config, &saved.collect::<Result<Vec<_>>>()?)
+        saved_states::encode(&self.setup.config, &saved.collect::<Result<Vec<_>>>()?)
     }
 
     /// Puts saved environments at `indices`; a single one at all of them. Returns which had ended and start anew.
     pub fn restore(&mut self, indices: &[usize], bytes: &[u8]) -> Result<Vec<bool>> {
-        let saved = snapshot::decode(&self.setup.config, bytes)?;
+        let saved = saved_states::decode(&self.setup.config, bytes)?;
         if saved.len() != 1 && saved.len() != indices.len() {
             let reason = format!("state holds {} environments, must hold 1 or {}", saved.len(), indices.len());
             return Err(Error::Invalid(reason));
@@ -238,7 +238,7 @@ impl Batch {
             let block = &mut self.blocks[index / self.width];
             restarts.push(block.restore(&self.setup, index % self.width, saved, &mut self.crew.scratches));
         }
-        self.find_unborn();
+        self.find_never_reset();
         Ok(restarts)
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::closed_loop::episode::Episode;
 use crate::closed_loop::repetition::Repeats;
-use crate::closed_loop::simulation::{Model, Scratch};
+use crate::closed_loop::simulation::{LoopModel, Scratch};
 use crate::episode::recorder::{Recorder, Row};
 use crate::numerics::lanes::vectorised;
 use crate::numerics::prefetch::Ahead;
@@ -68,7 +68,7 @@ pub struct Scratches {
 /// Environments and the constants of their walkers, which all blocks share.
 #[derive(Clone, Debug)]
 struct Walking<const L: usize> {
-    model: Arc<Model<L>>,
+    model: Arc<LoopModel<L>>,
     environments: Environments<L>,
 }
 
@@ -155,7 +155,7 @@ vectorised! {
     fn step<const L: usize>(
         block: &mut Environments<L>,
         setup: &Setup,
-        model: &Model<L>,
+        model: &LoopModel<L>,
         actions: &[f64],
         output: &mut StepOutput<'_>,
         scratch: &mut Scratch<L>,
@@ -173,7 +173,7 @@ fn equal<const L: usize>(setup: &Setup) -> Box<dyn Block>
 where
     Walking<L>: Block + 'static,
 {
-    let mut model = Arc::new(Model::new(&setup.config.loop_params(), setup.config.solvers()));
+    let mut model = Arc::new(LoopModel::new(&setup.config.loop_params(), setup.config.solvers()));
     let mut scratch = Scratch::new(&model);
     let environments = Environments::new(setup, &mut model, &mut scratch);
     Box::new(Walking { model, environments })

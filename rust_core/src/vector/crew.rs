@@ -85,8 +85,9 @@ pub struct Crew {
     gain: Gain,
 }
 
-/// What helpers have gained of late over working alone. One that the system takes off its core in the midst of a portion keeps
-/// the caller waiting for a time slice, and where that happens often it had better work alone.
+/// How much time the helper threads have lately saved, compared with the caller working alone. When the operating system suspends
+/// a helper that has begun a portion of the work, the caller has to wait until the helper runs again; where that happens often,
+/// working alone is faster.
 #[derive(Debug, Default)]
 struct Gain {
     seconds: f64,

@@ -14,30 +14,27 @@ use crate::agent::observation::{Sight, Truth};
 use crate::closed_loop::episode::Episode;
 use crate::closed_loop::repetition::Repeats;
 use crate::closed_loop::saved::SavedWalker;
-use crate::closed_loop::simulation::{Model, Sampled, Scratch, Simulation};
-use crate::episode::judgement;
+use crate::closed_loop::simulation::{LoopModel, Sampled, Scratch, Simulation};
 use crate::episode::recorder::{self, Recorder, Row};
-use crate::episode::reward::{TERMS, Terms, TermsLanes};
-use crate::episode::termination::Reason;
+use crate::episode::reward::Terms;
 use crate::numerics::math::{SPLITMIX_STEP, scramble};
 use crate::schema::error::{Error, Result};
 use crate::schema::params::within;
 use crate::vector::autoreset::Autoreset;
 use crate::vector::setup::Setup;
-use crate::vector::step_output::StepOutput;
 
 /// What an environment keeps beside its walker.
 #[derive(Clone, Copy, Debug, Default, serde::Serialize, serde::Deserialize)]
-struct Env {
-    seed: u64,
-    episode: u64,
-    ended: bool,
+pub(super) struct Env {
+    pub(super) seed: u64,
+    pub(super) episode: u64,
+    pub(super) ended: bool,
     /// That the present episode was drawn with.
-    difficulty: f64,
+    pub(super) difficulty: f64,
     /// Of the present episode so far.
-    steps: u32,
-    total_reward: f64,
-    terms: Terms,
+    pub(super) steps: u32,
+    pub(super) total_reward: f64,
+    pub(super) terms: Terms,
 }
 
 /// One environment between two steps. What its episode says follows from its seed.
@@ -76,20 +73,20 @@ fn random_stream(seed: u64, episode: u64) -> Pcg64 {
 /// A block of `L` environments.
 #[derive(Clone, Debug)]
 pub struct Environments<const L: usize> {
-    simulation: Simulation<L>,
-    envs: [Env; L],
-    actuation: Actuations<L>,
-    scale: CommandScaleLanes<L>,
+    pub(super) simulation: Simulation<L>,
+    pub(super) envs: [Env; L],
+    pub(super) actuation: Actuations<L>,
+    pub(super) scale: CommandScaleLanes<L>,
     /// Newest observation of each lane, newest frame first.
-    observations: Vec<f32>,
+    pub(super) observations: Vec<f32>,
     /// Hip height that counts as a fall, m.
-    fall_height: [f64; L],
-    recorder: Option<(usize, Recorder)>,
+    pub(super) fall_height: [f64; L],
+    pub(super) recorder: Option<(usize, Recorder)>,
 }
 
 impl<const L: usize> Environments<L> {
     /// Environments that walk along until their first [`reset`](Self::reset), so that unused lanes need no special case.
-    pub fn new(setup: &Setup, model: &mut Arc<Model<L>>, scratch: &mut Scratch<L>) -> Self {
+    pub fn new(setup: &Setup, model: &mut Arc<LoopModel<L>>, scratch: &mut Scratch<L>) -> Self {
         let mut environments = Self {
             simulation: Simulation::new(model),
             envs: [Env::default(); L],
@@ -108,7 +105,7 @@ impl<const L: usize> Environments<L> {
     pub fn reset(
         &mut self,
         setup: &Setup,
-        model: &mut Arc<Model<L>>,
+        model: &mut Arc<LoopModel<L>>,
         lanes: &[bool; L],
         seed: impl Fn(usize) -> Option<u64>,
         scratch: &mut Scratch<L>,
@@ -160,7 +157,7 @@ impl<const L: usize> Environments<L> {
     }
 
     /// What a recorder would append for `lane` now, less the mean powers.
-    pub fn snapshot(&self, model: &Model<L>, lane: usize) -> Row {
+    pub fn snapshot(&self, model: &LoopModel<L>, lane: usize) -> Row {
         // Of a copy, so that looking at walkers can change nothing.
         let mut simulation = self.simulation.clone();
         let mut scratch = Scratch::new(model);
@@ -174,7 +171,13 @@ impl<const L: usize> Environments<L> {
     }
 
     /// Starts the next episode of the given lanes.
-    fn start(&mut self, setup: &Setup, model: &mut Arc<Model<L>>, lanes: &[bool; L], scratch: &mut Scratch<L>) {
+    pub(super) fn start(
+        &mut self,
+        setup: &Setup,
+        model: &mut Arc<LoopModel<L>>,
+        lanes: &[bool; L],
+        scratch: &mut Scratch<L>,
+    ) {
         for lane in (0..L).filter(|&lane| lanes[lane]) {
             let Env { seed, episode, .. } = self.envs[lane];
             let next = Env { seed, episode: episode + 1, difficulty: setup.difficulty, ..Env::default() };
@@ -197,7 +200,7 @@ impl<const L: usize> Environments<L> {
     }
 
     /// Draws the present episode of `env`, and gives `lane` the walker of it.
-    fn draw(&mut self, setup: &Setup, model: &mut Arc<Model<L>>, lane: usize, env: &Env) -> Episode {
+    fn draw(&mut self, setup: &Setup, model: &mut Arc<LoopModel<L>>, lane: usize, env: &Env) -> Episode {
         let mut random = random_stream(env.seed, env.episode - 1);
         let randomiser = setup.randomiser.as_ref();
         let episode = setup.config.scenario.draw(&mut random, env.difficulty, |random| {
@@ -229,7 +232,7 @@ impl<const L: usize> Environments<L> {
     pub fn restore(
         &mut self,
         setup: &Setup,
-        model: &mut Arc<Model<L>>,
+        model: &mut Arc<LoopModel<L>>,
         lane: usize,
         saved: &SavedEnvironment,
         scratch: &mut Scratch<L>,
@@ -248,7 +251,7 @@ impl<const L: usize> Environments<L> {
 
     /// Pushes the newest frame in front of the older ones.
     #[inline(always)]
-    fn push_frame(&mut self, setup: &Setup, model: &Model<L>, scratch: &Scratch<L>, lane: usize) {
+    pub(super) fn push_frame(&mut self, setup: &Setup, model: &LoopModel<L>, scratch: &Scratch<L>, lane: usize) {
         let (simulation, size) = (&self.simulation, setup.observation_size());
         let truth = if setup.observation.privileged {
             Truth::of(&Sampled { model, simulation, scratch }, lane)
@@ -267,110 +270,6 @@ impl<const L: usize> Environments<L> {
         let frame = setup.frame_size();
         observation.copy_within(..size - frame, frame);
         setup.observation.write(&sight, &mut observation[..frame]);
-    }
-
-    /// Advances every lane by one action of `action.hold` control periods; `actions` and `output` cover the used lanes. Returns
-    /// the lanes that are due to start anew: [`finish`](Self::finish) does so, and hands out the observations.
-    #[inline(always)]
-    pub fn step(
-        &mut self,
-        setup: &Setup,
-        model: &Model<L>,
-        actions: &[f64],
-        output: &mut StepOutput<'_>,
-        scratch: &mut Scratch<L>,
-    ) -> [bool; L] {
-        let used = actions.len() / setup.action_size();
-        let skipped: [bool; L] = std::array::from_fn(|lane| self.envs[lane].ended);
-        let mut reasons = [Reason::None; L];
-        let mut terms = TermsLanes::<L>::default();
-
-        for held in 0..setup.config.action.hold {
-            let before = self.actuation.now.requested;
-            let mut phases = [0; L];
-            for lane in 0..L {
-                phases[lane] = self.simulation.state_machine[lane].phase();
-            }
-            let Simulation { readings, state_machine_command, .. } = &self.simulation;
-            let (scale, memory) = (&self.scale, &mut self.actuation);
-            let commands = setup.action.commands(scale, memory, actions, readings, &phases, state_machine_command);
-            let mut changes = [0.0; L];
-            if held == 0 {
-                for lane in 0..L {
-                    changes[lane] = self.scale.relative(lane, self.actuation.now.requested[lane] - before[lane]);
-                }
-            }
-            let live = std::array::from_fn(|lane| lane < used && !skipped[lane] && reasons[lane] == Reason::None);
-            self.simulation.advance(model, &commands, &live, scratch);
-            let sampled = Sampled { model, simulation: &self.simulation, scratch };
-            let limits = &setup.config.termination;
-            let (period_terms, period_reasons) =
-                judgement::judge(&sampled, limits, &self.fall_height, setup.last_sample, &changes);
-            for lane in 0..used {
-                if skipped[lane] || reasons[lane] != Reason::None {
-                    continue;
-                }
-                terms.set(lane, terms.get(lane).plus(&period_terms.get(lane)));
-                reasons[lane] = period_reasons[lane];
-                if let Some((_, recorder)) = self.recorder.as_mut().filter(|(recorded, _)| *recorded == lane) {
-                    recorder.push(&Sampled { model, simulation: &self.simulation, scratch }, lane);
-                }
-                if reasons[lane] != Reason::None || held + 1 == setup.config.action.hold {
-                    self.push_frame(setup, model, scratch, lane);
-                }
-            }
-        }
-
-        let mut starting = [false; L];
-        for lane in 0..used {
-            let ends = reasons[lane] != Reason::None;
-            self.envs[lane].ended |= ends;
-            starting[lane] = match setup.autoreset {
-                Autoreset::NextStep => skipped[lane],
-                Autoreset::SameStep => ends,
-                Autoreset::Disabled => false,
-            };
-            let terms = terms.get(lane);
-            let reward = terms.reward(&setup.config.reward);
-            let row = lane * TERMS.len()..(lane + 1) * TERMS.len();
-            output.rewards[lane] = reward;
-            output.terms[row.clone()].copy_from_slice(&terms.values());
-            let env = &mut self.envs[lane];
-            if !skipped[lane] {
-                env.steps += 1;
-                env.total_reward += reward;
-                env.terms = env.terms.plus(&terms);
-            }
-            output.episode_returns[lane] = env.total_reward;
-            output.episode_steps[lane] = env.steps;
-            if ends {
-                output.episode_terms[row].copy_from_slice(&env.terms.values());
-            }
-            output.terminated[lane] = ends && reasons[lane] != Reason::TimeLimit;
-            output.truncated[lane] = reasons[lane] == Reason::TimeLimit;
-            output.reasons[lane] = reasons[lane] as u8;
-            output.started[lane] = starting[lane];
-        }
-        starting
-    }
-
-    /// Starts the lanes that a step has found due, and hands out the newest observations.
-    pub fn finish(
-        &mut self,
-        setup: &Setup,
-        model: &mut Arc<Model<L>>,
-        starting: &[bool; L],
-        output: &mut StepOutput<'_>,
-        scratch: &mut Scratch<L>,
-    ) {
-        let used = output.observations.len();
-        if starting.contains(&true) {
-            if setup.autoreset == Autoreset::SameStep {
-                output.final_observations.copy_from_slice(&self.observations[..used]);
-            }
-            self.start(setup, model, starting, scratch);
-        }
-        output.observations.copy_from_slice(&self.observations[..used]);
     }
 }
 

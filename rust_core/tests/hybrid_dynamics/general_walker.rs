@@ -1,7 +1,7 @@
 //! The general walker against the specialised one, and its own steps.
 
 use prosthesis_gym_core::mechanics::body::Body;
-use prosthesis_gym_core::mechanics::general_walker::{Deflection, Evaluation, GeneralWalker, Layout};
+use prosthesis_gym_core::mechanics::general_walker::{Deflection, GeneralWalker, Layout, WalkerWorkspace};
 use prosthesis_gym_core::mechanics::motion::{Acceleration, JointTorque, Loads, Motion, PointForce, Prescribed};
 use prosthesis_gym_core::mechanics::walker;
 
@@ -11,7 +11,7 @@ use super::*;
 const USUAL: Layout = Layout { trunk_forward: false, hip_forward: true, socket: None, tube_forward: false };
 
 /// The usual walker's loads on a general one.
-fn load(general: &GeneralWalker, work: &mut Evaluation, trunk: &Prescribed, loads: &Loads, step: f64) {
+fn load(general: &GeneralWalker, work: &mut WalkerWorkspace, trunk: &Prescribed, loads: &Loads, step: f64) {
     general.begin(work, trunk.acceleration, 0.0);
     general.drive_hip(work, &loads.hip, loads.hip_error_rate, step);
     general.drive_device(work, &loads.knee, &loads.ankle, step);
@@ -39,7 +39,7 @@ fn with_the_usual_joints_the_general_walker_is_the_specialised_one_in_explicit_a
         }
         let kin = walker::kinematics(&body, &motion, trunk.angle);
         let expected = walker::acceleration::<false>(&body, &kin, &motion, &trunk, &loads, step);
-        let mut work = Evaluation::default();
+        let mut work = WalkerWorkspace::default();
         general.assume(&mut work, &motion, &Deflection::default(), &Deflection::default(), &trunk);
         load(&general, &mut work, &trunk, &loads, step);
         let found = general.acceleration(&work);
@@ -89,7 +89,7 @@ fn forward_trunk_hip_and_tube_under_the_forces_of_inverse_ones_move_as_those_do(
             let rates = Deflection { tube_shift: 0.0, tube_tilt: 0.0, ..rates };
             let hip_acceleration = to(50.0);
             let given = |general: &GeneralWalker, drives: [f64; 2]| {
-                let mut work = Evaluation::default();
+                let mut work = WalkerWorkspace::default();
                 general.assume(&mut work, &motion, &deflection, &rates, &trunk);
                 general.begin(&mut work, trunk.acceleration, hip_acceleration);
                 let [trunk, hip] = drives.map(|torque| JointTorque { torque, ..JointTorque::default() });
@@ -105,7 +105,7 @@ fn forward_trunk_hip_and_tube_under_the_forces_of_inverse_ones_move_as_those_do(
             let prescribed = given(&inverse, [0.0; 2]);
             let forces = inverse.forces(&prescribed);
             let driven = given(&forward, [forces.trunk, forces.hip]);
-            let list = |general: &GeneralWalker, work: &Evaluation| {
+            let list = |general: &GeneralWalker, work: &WalkerWorkspace| {
                 let (a, d) = (general.acceleration(work), general.deflection_acceleration(work));
                 [a.hip_x, a.hip_y, a.thigh, a.shank, a.foot, d.trunk, d.socket_shift, d.socket_tilt]
             };
@@ -123,7 +123,7 @@ fn specific_forces_are_accelerations_less_gravity_in_the_frame_of_the_segment() 
     let mut random = Pcg64::new(13, 1);
     for _ in 0..50 {
         let (motion, trunk) = random_motion(&mut random);
-        let mut work = Evaluation::default();
+        let mut work = WalkerWorkspace::default();
         let deflection = Deflection { trunk: 0.1, socket_shift: 0.02, socket_tilt: 0.1, ..Deflection::default() };
         let rates = Deflection { trunk: 0.5, socket_shift: 0.3, socket_tilt: -2.0, ..Deflection::default() };
         general.assume(&mut work, &motion, &deflection, &rates, &trunk);
@@ -155,7 +155,7 @@ fn specific_forces_are_accelerations_less_gravity_in_the_frame_of_the_segment() 
         assert_close(&found, &expected, 1e-4);
     }
     // A motion that is not finite has accelerations that are not: it ends its own episode.
-    let mut work = Evaluation::default();
+    let mut work = WalkerWorkspace::default();
     let broken = Motion { thigh: f64::NAN, ..Motion::default() };
     let (rest, trunk) = (Deflection::default(), Prescribed::default());
     general.assume(&mut work, &Motion::default(), &rest, &rest, &trunk);

@@ -1,7 +1,7 @@
 //! A lane of a block is the scalar simulation, bit for bit.
 
 use prosthesis_gym_core::closed_loop::disturbance::{Push, TrunkPush};
-use prosthesis_gym_core::closed_loop::simulation::{Model, Scratch, Simulation};
+use prosthesis_gym_core::closed_loop::simulation::{LoopModel, Scratch, Simulation};
 use prosthesis_gym_core::episode::scenario::ScenarioParams;
 use prosthesis_gym_core::mechanics::compliant_ground::GroundParams;
 use prosthesis_gym_core::prosthesis::knee::kind::DeviceKind;
@@ -106,7 +106,7 @@ fn a_walker_has_the_same_bits_without_a_vector_unit() {
         config.device.kind = kind;
         let [.., episode] = episodes();
         let mut trial = Trial::new(&config, [episode.clone()]);
-        let model = Model::new(&config.loop_params(), config.solvers());
+        let model = LoopModel::new(&config.loop_params(), config.solvers());
         let (mut plain, mut scratch) = (Simulation::<1>::new(&model), Scratch::new(&model));
         plain.start(&model, 0, episode, &mut scratch);
         plain.observe_started(&model, &[true], &mut scratch);

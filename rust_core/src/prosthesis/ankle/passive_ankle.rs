@@ -33,5 +33,5 @@ impl From<&AnkleParams> for Ankle {
 /// tau_8 at joint angle q8 (rad, 0 at rest) and rate (rad/s).
 #[inline(always)]
 pub fn ankle_torque(ankle: &Ankle, angle: f64, rate: f64) -> f64 {
-    (-ankle.stiffness * angle).less(ankle.damping, rate)
+    (-ankle.stiffness * angle).minus(ankle.damping, rate)
 }

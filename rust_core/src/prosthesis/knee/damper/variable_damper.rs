@@ -58,11 +58,11 @@ pub fn damper_torque(damper: &VariableDamper, joint: &JointMotion, coefficient: 
     let dry = tanh(damper.dry_slope * rate);
     UnitTorque {
         damper: controlled,
-        torque: controlled.less(damper.spring, angle).less(damper.viscous, rate).less(damper.dry, dry),
+        torque: controlled.minus(damper.spring, angle).minus(damper.viscous, rate).minus(damper.dry, dry),
         damping: damper
             .viscous
             .plus(2.0 * coefficient, rate.abs())
-            .plus(damper.dry * damper.dry_slope, 1.0_f64.less(dry, dry)),
+            .plus(damper.dry * damper.dry_slope, 1.0_f64.minus(dry, dry)),
         stiffness: damper.spring,
     }
 }

@@ -72,7 +72,7 @@ lanes! {
         motor_friction: f64,
         /// Friction per output torque at the motor's shaft: +-sqrt 3 mu_g.
         load_friction: f64,
-        /// No-load friction at rest, N m, less what the load part counts twice.
+        /// No-load friction at rest, N m, minus the part of it that the load-dependent friction already contains.
         rest_friction: f64,
         /// Its growth with speed, N m s/rad.
         friction_slope: f64,
@@ -171,7 +171,7 @@ pub fn signals(motor: &GearedMotor, joint: &JointMotion, rotor: &Rotor, commande
 /// Direction (-1, 0, 1) that a rotor at rest moves off in: 0 while friction holds it.
 #[inline(always)]
 pub fn break_away(motor: &GearedMotor, signals: &MotorSignals) -> f64 {
-    let net = signals.torque.less(signals.gear_torque, motor.inverse_ratio);
+    let net = signals.torque.minus(signals.gear_torque, motor.inverse_ratio);
     select(net.abs() > signals.holding, 1.0_f64.copysign(net), 0.0)
 }
 
@@ -197,7 +197,7 @@ fn rotor_balance(
     let stretch_rate = (-joint.flexion_rate).plus(rotor.rate, motor.inverse_ratio);
     let gear_torque = s.gear_torque.plus(step * motor.spring, stretch_rate);
     let inertia = motor.inertia.plus(step * implicit, motor.inverse_ratio * motor.inverse_ratio);
-    let net = s.torque.less(gear_torque, motor.inverse_ratio).less(direction, s.friction);
+    let net = s.torque.minus(gear_torque, motor.inverse_ratio).minus(direction, s.friction);
     (inertia, select(direction == 0.0, 0.0, net), gear_torque)
 }
 
