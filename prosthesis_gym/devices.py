@@ -30,9 +30,5 @@ class Device:
         return f"{self.command_name} in {self.command_unit}"
 
 
-def _described(environment: str, **description: object) -> Device:
-    return Device(env_id=f"prosthesis_gym/{environment}", **description)  # type: ignore[arg-type]
-
-
 #: By `device.kind`.
-DEVICES = {kind: _described(**description) for kind, description in _core.devices().items()}
+DEVICES = {kind: Device(**description) for kind, description in _core.devices().items()}

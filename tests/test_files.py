@@ -181,7 +181,9 @@ def test_json_that_is_nested_too_deeply_is_named(tmp_path: Path) -> None:
         read_json(path)
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="names open files as Linux does")
+@pytest.mark.skipif(
+    not sys.platform.startswith("linux"), reason="tells which file is synced by /proc/self/fd, which only Linux has"
+)
 def test_content_is_on_the_disk_before_its_name_and_the_name_before_the_return(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

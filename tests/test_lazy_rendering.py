@@ -194,7 +194,7 @@ def test_a_picture_before_the_first_reset_is_refused() -> None:
 def test_pygame_in_the_place_of_pygame_ce_is_named() -> None:
     other = Path(sys.prefix) / "pygame"
     if not (other / "pygame").exists():
-        pytest.skip("only .ci/contracts has pygame beside pygame-ce")
+        pytest.skip("pygame and pygame-ce cannot share an environment; .ci/contracts puts pygame aside and runs this")
     code = "import prosthesis_gym as p; env = p.ProsthesisEnv(render_mode='rgb_array'); env.reset(); env.render()"
     environment = os.environ | {"PYTHONPATH": str(other)}
     failed = subprocess.run(

@@ -1,8 +1,8 @@
 """Files that an older version of the package has written: they load, and mean the same.
 
 `data/written_2026_11_26` is what commit ee24a77 wrote: saved states of three walkers each after 300 steps, what their
-next 100 steps gave, and the folder of a small training run. A change of format reads them, or refuses them by naming
-what is new; then this test says which.
+next 100 steps gave, and the folder of a small training run; `data/write.py` says how. A change of format reads them,
+or refuses them by naming what is new; then this test says which.
 """
 
 import hashlib

@@ -187,7 +187,7 @@ def test_no_more_checkpoints_are_read_than_the_newest_whole_one_needs(
     assert told == [f"skipping the damaged checkpoint {newest[0]}: model.zip is not what was written"]
 
 
-@pytest.mark.skipif(os.name == "nt", reason="limits on files are a matter of POSIX")
+@pytest.mark.skipif(os.name == "nt", reason="a full disk is imitated by RLIMIT_FSIZE, which Windows lacks")
 def test_a_full_disk_is_named_and_loses_nothing(config: Path, tmp_path: Path) -> None:
     folder = tmp_path / "run"
     assert main([str(config), "--out", str(folder), "--quiet"]) == 0

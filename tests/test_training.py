@@ -201,7 +201,7 @@ def test_other_networks_are_not_exported(config: Path) -> None:
         export_policy(model, env.observation_moments, 10.0, settings.env)
 
 
-@pytest.mark.skipif(os.name == "nt", reason="signals to a process are a matter of POSIX")
+@pytest.mark.skipif(os.name == "nt", reason="Windows cannot send a process SIGINT or SIGTERM that it may catch")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_stops_and_saves(config: Path, tmp_path: Path, number: signal.Signals) -> None:
     folder = tmp_path / "run"

@@ -83,7 +83,7 @@ def go_on(envs: ProsthesisVectorEnv, pipe: Connection) -> None:
     pipe.send((os.getpid(), inherited, fresh))
 
 
-@pytest.mark.skipif("fork" not in START_METHODS, reason="this system cannot fork")
+@pytest.mark.skipif("fork" not in START_METHODS, reason="Windows has no fork: nothing to test")
 def test_a_fork_goes_on_with_walkers_whose_pool_has_run() -> None:
     envs = wake_pool()
     ours, theirs = multiprocessing.Pipe(duplex=False)
@@ -99,7 +99,7 @@ def test_a_fork_goes_on_with_walkers_whose_pool_has_run() -> None:
     np.testing.assert_array_equal(fresh, wake_pool().step(actions)[0])
 
 
-@pytest.mark.skipif("fork" not in START_METHODS, reason="needs fork")
+@pytest.mark.skipif("fork" not in START_METHODS, reason="Windows has no fork: nothing to test")
 def test_a_fork_in_the_middle_of_a_step_is_an_error_in_the_child_and_no_hang() -> None:
     """The turn of a thread that is not in the child would never end there; new environments work."""
     slow = {"solver": {"stepper": "rk4", "steps": 10_000}, "action": {"hold": 200}}

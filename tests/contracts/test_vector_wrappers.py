@@ -37,7 +37,9 @@ def stack(played: list[tuple[Any, ...]], part: int) -> NDArray[Any]:
 @pytest.mark.parametrize("mode", MODES)
 def test_episode_returns_and_lengths_are_sums_over_the_steps(env_id: str, mode: AutoresetMode) -> None:
     if mode == AutoresetMode.SAME_STEP and GYMNASIUM < (1, 4):
-        pytest.skip("this Gymnasium's RecordEpisodeStatistics leaves out the first step after an end in the same step")
+        pytest.skip(
+            "RecordEpisodeStatistics of Gymnasium before 1.4 leaves out the first step after an end in the same step"
+        )
     envs = wrappers.RecordEpisodeStatistics(walkers(env_id, mode), buffer_length=10_000)
     rng = np.random.default_rng(0)
     envs.reset(seed=0)

@@ -1,26 +1,19 @@
-//! Equations of single blocks on inputs from a steady walk.
+//! Equations of mechanism, prosthesis and sensors on inputs from a steady walk.
 
 use criterion::Criterion;
 use serde_json::{Value, json};
 
 use prosthesis_gym_core::config::Config;
-use prosthesis_gym_core::human::drive::{Drive, DriveLanes};
-use prosthesis_gym_core::human::gait_fsm::Memory;
-use prosthesis_gym_core::human::geometry::{Human, HumanLanes, LegGeometry};
-use prosthesis_gym_core::human::impedance::{ImpedanceTorqueLanes, impedance};
-use prosthesis_gym_core::human::params::HumanParams;
-use prosthesis_gym_core::human::reference::{Filter, Reference, ReferenceLanes, rough_thigh};
-use prosthesis_gym_core::human::slip_leg::{TrunkForceLanes, trunk_force};
-use prosthesis_gym_core::human::variation::{HumanVariation, Individual};
 use prosthesis_gym_core::mechanics::body::{Body, BodyLanes, BodyParams};
 use prosthesis_gym_core::mechanics::compliant_ground::{
     ContactLanes, Ground, GroundLanes, GroundParams, contact, deformation_rate,
 };
 use prosthesis_gym_core::mechanics::motion::{
-    AccelerationLanes, JointTorque, Kinematics, KinematicsLanes, Loads, Motion, MotionLanes, PointForce,
-    PointForceLanes, PointLanes, PrescribedLanes,
+    AccelerationLanes, JointTorque, Kinematics, KinematicsLanes, Loads, MotionLanes, PointForce, PointForceLanes,
+    PointLanes, PrescribedLanes,
 };
 use prosthesis_gym_core::mechanics::walker;
+use prosthesis_gym_core::plant::contact_force::level_force;
 use prosthesis_gym_core::prosthesis::end_stop::{EndStop, EndStopLanes, EndStopParams, extension_stop, flexion_stop};
 use prosthesis_gym_core::prosthesis::knee::joint::{JointMotionLanes, UnitTorqueLanes};
 use prosthesis_gym_core::prosthesis::knee::kind::DeviceKind;
@@ -30,12 +23,9 @@ use prosthesis_gym_core::sensors::params::SensorParams;
 use prosthesis_gym_core::sensors::{self, Sensors};
 use prosthesis_gym_core::signals::{MeasurandLanes, ReadingsLanes};
 
-use crate::walk::{Block, LANES, Moment, blocks, compare, config, stride};
+use crate::walk::{Block, LANES, Moment, STEP_S, blocks, columns, compare, config, stride};
 
-/// Length of an implicit stage, s.
-const STEP_S: f64 = 1e-3;
-
-/// Every block of the walker.
+/// Every block of mechanism, prosthesis and sensors.
 pub fn all(criterion: &mut Criterion) {
     let walk = stride(DeviceKind::Damper);
     compare(criterion, "hybrid dynamics", Dynamics::<1>::new(&walk), Dynamics::<LANES>::new(&walk));
@@ -46,22 +36,9 @@ pub fn all(criterion: &mut Criterion) {
         let name = format!("knee unit/{kind:?}").to_lowercase();
         compare(criterion, &name, Units::<1>::new(kind, &walk), Units::<LANES>::new(kind, &walk));
     }
-    compare(criterion, "human references", References::<1>::new(&walk), References::<LANES>::new(&walk));
-    compare(criterion, "intact leg", IntactLegs::<1>::new(&walk), IntactLegs::<LANES>::new(&walk));
     for (name, params) in [("sensors/default", SensorParams::default()), ("sensors/imperfect", imperfect())] {
         compare(criterion, name, Sampling::<1>::new(&params, &walk), Sampling::<LANES>::new(&params, &walk));
     }
-}
-
-/// Columns of what moments have, made by their `set`.
-macro_rules! columns {
-    ($Columns:ident, $moments:expr, |$moment:ident| $value:expr) => {{
-        let mut columns = $Columns::<L>::default();
-        for (lane, $moment) in $moments.into_iter().enumerate() {
-            columns.set(lane, $value);
-        }
-        columns
-    }};
 }
 
 /// Kinematics and one linearly implicit solution of the equations of motion.
@@ -76,24 +53,11 @@ struct Dynamics<const L: usize> {
 
 impl<const L: usize> Dynamics<L> {
     fn new(walk: &[Moment]) -> (BodyLanes<L>, Vec<Self>) {
-        let force = |moment: &Moment, point: usize| {
-            let contact = moment.contacts[point];
-            PointForce {
-                x: contact.tangential,
-                y: contact.normal,
-                damping_x: contact.tangential_damping,
-                damping_y: contact.normal_damping,
-                stiffness_x: contact.tangential_stiffness,
-                stiffness_y: contact.normal_stiffness,
-                sin: 0.0,
-                cos: 1.0,
-            }
-        };
         let block = |moments: [&Moment; L]| Self {
             motion: columns!(MotionLanes, moments, |moment| moment.motion),
             trunk: columns!(PrescribedLanes, moments, |moment| moment.trunk),
-            heel: columns!(PointForceLanes, moments, |moment| force(moment, 0)),
-            ball: columns!(PointForceLanes, moments, |moment| force(moment, 1)),
+            heel: columns!(PointForceLanes, moments, |moment| level_force(&moment.contacts[0])),
+            ball: columns!(PointForceLanes, moments, |moment| level_force(&moment.contacts[1])),
             kinematics: KinematicsLanes::default(),
             acceleration: AccelerationLanes::default(),
         };
@@ -262,105 +226,6 @@ impl<const L: usize> Block for Units<L> {
         unit.torques(&at, &[STEP_S; L], &mut self.torques);
         unit.rates(&at, &[FLEXION_ACCELERATION_RAD_S2; L], &[STEP_S; L], &mut self.rates);
         self.fired = unit.fired(&at);
-    }
-}
-
-/// The paper's human in a cyclic step at 1.1 m/s.
-fn human() -> (Human, Drive) {
-    let leg =
-        LegGeometry { mass: 75.0, trunk_mass: 62.5, leg_length: 0.92, touch_down_height: 0.86, foot_length: 0.175 };
-    let (human, params) = (Human::from(leg), HumanParams::default());
-    let drive = Memory::cyclic(&params, 1.1).drive(&human, &Individual::new(&params, HumanVariation::default()));
-    (human, drive)
-}
-
-/// Templates of thigh and trunk, their filters, and the hip's impedance about what comes out.
-struct References<const L: usize> {
-    time: [f64; L],
-    hip: [f64; L],
-    hip_rate: [f64; L],
-    smooth: ReferenceLanes<L>,
-    rates: ReferenceLanes<L>,
-    torque: ImpedanceTorqueLanes<L>,
-}
-
-impl<const L: usize> References<L> {
-    fn new(walk: &[Moment]) -> (DriveLanes<L>, Vec<Self>) {
-        let block = |moments: [&Moment; L]| Self {
-            time: moments.map(|moment| moment.time_s - walk[0].time_s),
-            hip: moments.map(|moment| moment.hip[0]),
-            hip_rate: moments.map(|moment| moment.hip[1]),
-            smooth: columns!(ReferenceLanes, moments, |moment| Reference {
-                trunk: moment.trunk.angle,
-                trunk_rate: moment.trunk.rate,
-                hip: moment.hip[0],
-                hip_rate: moment.hip[1],
-            }),
-            rates: ReferenceLanes::default(),
-            torque: ImpedanceTorqueLanes::default(),
-        };
-        (DriveLanes::splat(human().1), blocks(walk, block))
-    }
-}
-
-impl<const L: usize> Block for References<L> {
-    type Constants = DriveLanes<L>;
-
-    #[inline(always)]
-    fn run(&mut self, drive: &DriveLanes<L>) {
-        for lane in 0..L {
-            let (drive, smooth) = (drive.get(lane), self.smooth.get(lane));
-            let thigh = rough_thigh(&drive, self.time[lane]);
-            let filter = Filter::new(&drive, STEP_S);
-            let trunk_rate = filter.acceleration(drive.trunk, smooth.trunk, smooth.trunk_rate);
-            let hip_rate = filter.acceleration(thigh - drive.trunk, smooth.hip, smooth.hip_rate);
-            let rates = Reference {
-                trunk: smooth.trunk_rate + STEP_S * trunk_rate,
-                trunk_rate,
-                hip: smooth.hip_rate + STEP_S * hip_rate,
-                hip_rate,
-            };
-            self.rates.set(lane, rates);
-            let (error, error_rate) = (smooth.hip - self.hip[lane], smooth.hip_rate - self.hip_rate[lane]);
-            let torque = impedance(drive.hip_stiffness, drive.hip_damping, drive.hip_limit, error, error_rate);
-            self.torque.set(lane, torque);
-        }
-    }
-}
-
-/// Pendulum, thrust and lift of the intact leg.
-struct IntactLegs<const L: usize> {
-    time: [f64; L],
-    motion: MotionLanes<L>,
-    force: TrunkForceLanes<L>,
-}
-
-impl<const L: usize> IntactLegs<L> {
-    fn new(walk: &[Moment]) -> ((HumanLanes<L>, DriveLanes<L>), Vec<Self>) {
-        let (human, drive) = human();
-        let start_x = walk[0].motion.hip_x;
-        let block = |moments: [&Moment; L]| Self {
-            time: moments.map(|moment| moment.time_s - walk[0].time_s),
-            motion: columns!(MotionLanes, moments, |moment| Motion {
-                hip_x: moment.motion.hip_x - start_x,
-                ..moment.motion
-            }),
-            force: TrunkForceLanes::default(),
-        };
-        ((HumanLanes::splat(human), DriveLanes::splat(drive)), blocks(walk, block))
-    }
-}
-
-impl<const L: usize> Block for IntactLegs<L> {
-    type Constants = (HumanLanes<L>, DriveLanes<L>);
-
-    #[inline(always)]
-    fn run(&mut self, (human, drive): &(HumanLanes<L>, DriveLanes<L>)) {
-        for lane in 0..L {
-            let Motion { hip_x, hip_y, hip_vx, hip_vy, .. } = self.motion.get(lane);
-            let force = trunk_force(&human.get(lane), &drive.get(lane), hip_x, hip_y, hip_vx, hip_vy, self.time[lane]);
-            self.force.set(lane, force);
-        }
     }
 }
 

@@ -6,7 +6,8 @@
 mod batch;
 mod blocks;
 mod closed_loop;
+mod human;
 mod walk;
 
-criterion::criterion_group!(benches, blocks::all, closed_loop::all, batch::all);
+criterion::criterion_group!(benches, blocks::all, human::all, closed_loop::all, batch::all);
 criterion::criterion_main!(benches);

@@ -15,6 +15,9 @@ use prosthesis_gym_core::prosthesis::knee::motor::geared_motor::Rotor;
 use prosthesis_gym_core::signals::Measurand;
 use prosthesis_gym_core::trial::Trial;
 
+/// Length of an implicit stage, s.
+pub const STEP_S: f64 = 1e-3;
+
 /// Lanes of a wide block.
 pub const LANES: usize = prosthesis_gym_core::vector::block::LANES;
 
@@ -128,3 +131,15 @@ pub fn blocks<const L: usize, B>(stride: &[Moment], block: impl Fn([&Moment; L])
     let apart = stride.len() / (BLOCKS * L);
     (0..BLOCKS).map(|i| block(std::array::from_fn(|lane| &stride[(i * L + lane) * apart]))).collect()
 }
+
+/// Columns of what moments have, made by their `set`.
+macro_rules! columns {
+    ($Columns:ident, $moments:expr, |$moment:ident| $value:expr) => {{
+        let mut columns = $Columns::<L>::default();
+        for (lane, $moment) in $moments.into_iter().enumerate() {
+            columns.set(lane, $value);
+        }
+        columns
+    }};
+}
+pub(crate) use columns;

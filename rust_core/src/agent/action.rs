@@ -88,9 +88,9 @@ params! {
 }
 
 impl ActionParams {
-    /// Names of the parameters with the command of mode `constant`, and with that of action +1 in mode `direct` if it is one of
+    /// Keys of the parameters with the command of mode `constant`, and with that of action +1 in mode `direct` if it is one of
     /// these; else it is the largest that the unit carries out.
-    pub fn names(kind: DeviceKind) -> (&'static str, Option<&'static str>) {
+    pub fn keys(kind: DeviceKind) -> (&'static str, Option<&'static str>) {
         match kind {
             DeviceKind::Damper => ("constant_nms2_rad2", Some("max_command_nms2_rad2")),
             DeviceKind::Motor => ("constant_a", None),

@@ -15,7 +15,7 @@ use crate::closed_loop::repetition::{ATTEMPTS, Moment, Repeats};
 use crate::numerics::integrator::{self, HybridFlow, Workspace};
 use crate::numerics::lanes::vectorised;
 use crate::numerics::prefetch::Ahead;
-use crate::plant;
+use crate::plant::model::PlantModel;
 use crate::plant::outputs::PlantOutputs;
 use crate::plant::signals::Signals;
 use crate::plant::solver::SolverParams;
@@ -24,15 +24,15 @@ use crate::plant::system::HumanProsthesis;
 use crate::plant::walkers::Walkers;
 use crate::prosthesis::gait::GaitMemory;
 use crate::prosthesis::reference_controller::ReferenceController;
-use crate::sensors::{self, Sensors};
+use crate::sensors::{SensorModel, Sensors};
 use crate::signals::{CONTROL_PERIOD_S, MeasurandLanes, ReadingsLanes};
 
 /// Constants of the closed loop of a block of walkers. Blocks of equal walkers share one.
 #[derive(Clone, Debug)]
 pub struct LoopModel<const L: usize> {
     /// Human, mechanism, ground and device.
-    pub plant: plant::model::PlantModel<L>,
-    sensors: sensors::SensorModel<L>,
+    pub plant: PlantModel<L>,
+    sensors: SensorModel<L>,
     reference: ReferenceController<L>,
     /// The configured solver, and those that repeat a control period in which it diverges.
     solvers: [SolverParams; ATTEMPTS],
@@ -47,8 +47,8 @@ impl<const L: usize> LoopModel<L> {
     /// Walkers with the given parameters.
     pub fn new(params: &LoopParams<'_>, solvers: [SolverParams; ATTEMPTS]) -> Self {
         Self {
-            plant: plant::model::PlantModel::new(&params.plant),
-            sensors: sensors::SensorModel::new(params.sensors),
+            plant: PlantModel::new(&params.plant),
+            sensors: SensorModel::new(params.sensors),
             reference: ReferenceController::new(&params.reference),
             solvers,
         }

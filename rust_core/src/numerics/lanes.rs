@@ -1,9 +1,9 @@
 //! Structure-of-arrays storage for blocks of `L` walkers.
 //!
-//! Physics is written on plain structs of `f64`. [`lanes!`](crate::numerics::lanes::lanes) derives from such a struct a second one
-//! whose every field is a column `[f64; L]`, with `get` and `set` that move one walker in and out. Inlined into
-//! `for lane in 0..L`, `get`, a branch-free function and `set` are what LLVM turns into vector code; with `L = 1` the
-//! same lines are the scalar reference.
+//! Physics is written on plain structs of `f64`. [`lanes!`](crate::numerics::lanes::lanes) derives from such a struct a
+//! second one whose every field is a column `[f64; L]`, with `get` and `set` that move one walker in and out. Inlined into
+//! `for lane in 0..L`, `get`, a branch-free function and `set` are what LLVM turns into vector code; with `L = 1` the same
+//! lines are the scalar reference.
 
 /// Declares a struct of scalars and its columns.
 macro_rules! lanes {

@@ -23,7 +23,7 @@ pub(super) fn touch<const LEVEL: bool>(
 
 /// Force of level ground on a point.
 #[inline(always)]
-pub(super) fn level_force(contact: &Contact) -> PointForce {
+pub fn level_force(contact: &Contact) -> PointForce {
     PointForce {
         x: contact.tangential,
         y: contact.normal,

@@ -21,11 +21,11 @@ pub(super) struct GeneralModel<const L: usize> {
     pub trunk_forward: bool,
     pub hip_forward: bool,
     /// How many contacts after heel, ball, knee and hip there are, how many of them belong to the sole, and to its rear half.
-    pub more: usize,
-    pub sole: usize,
-    pub rear: usize,
+    more: usize,
+    sole: usize,
+    rear: usize,
     /// Share of the paper's stiffness and damping that a point of the sole has: together they are as stiff as its two.
-    pub sole_share: f64,
+    sole_share: f64,
 }
 
 /// What an evaluation of general walkers leaves behind.
@@ -126,6 +126,6 @@ fn walker(params: &PlantParams<'_>, layout: &Layout) -> GeneralWalker {
 }
 
 fn tube_of(params: &PlantParams<'_>, layout: &Layout) -> Option<[SpringDamper; 2]> {
-    let body = &params.body;
+    let body = params.body;
     layout.tube_forward.then(|| tube(params.tube, body.foot_mass_kg, body.foot_inertia_about_tube()))
 }

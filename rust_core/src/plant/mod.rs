@@ -8,7 +8,7 @@
 //!  command ─> prosthesis ───────────────────── knee and ankle torque ───────┘
 //! ```
 
-mod contact_force;
+pub mod contact_force;
 pub mod contact_points;
 mod divergence;
 pub mod flow;

@@ -99,14 +99,14 @@ fn channel_groups(config: &Bound<'_, PyAny>) -> PyResult<Vec<&'static str>> {
     Ok(map.channels().iter().map(|channel| channel.group.into()).collect())
 }
 
-/// The knee units by `device.kind`: what each is, and the names of its parameters in section `action`.
+/// The knee units by `device.kind`: what each is, and the keys of its parameters in section `action`.
 #[pyfunction]
 fn devices(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let devices = PyDict::new(py);
     for kind in DeviceKind::iter() {
-        let (command, (constant, full)) = (kind.command(), ActionParams::names(kind));
+        let (command, (constant, full)) = (kind.command(), ActionParams::keys(kind));
         let device = PyDict::new(py);
-        device.set_item("environment", kind.environment())?;
+        device.set_item("env_id", kind.env_id())?;
         device.set_item("command_name", command.quantity)?;
         device.set_item("command_unit", command.unit)?;
         device.set_item("signed", command.signed)?;

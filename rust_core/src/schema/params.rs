@@ -1,8 +1,8 @@
 //! Declares a block's parameters once: field, unit, default, range and documentation.
 //!
-//! [`params!`](crate::schema::params::params) makes of one declaration the struct, its defaults, its serde schema (unknown keys are
-//! errors), its range check, and the table that help texts and documentation pages are generated from. Structs so declared
-//! nest as `sections`.
+//! [`params!`](crate::schema::params::params) makes of one declaration the struct, its defaults, its serde schema (unknown
+//! keys are errors), its range check, and the table that help texts and documentation pages are generated from. Structs so
+//! declared nest as `sections`.
 
 use crate::schema::error::{Error, Result};
 

@@ -88,7 +88,7 @@ impl<const L: usize> Environments<L> {
         changes: &[f64; L],
         last: bool,
         outcome: &mut Outcome<L>,
-        scratch: &mut Scratch<L>,
+        scratch: &Scratch<L>,
     ) {
         let sampled = Sampled { model, simulation: &self.simulation, scratch };
         let limits = &setup.config.termination;

@@ -153,11 +153,11 @@ impl Chain {
     }
 
     /// Inertia of all bodies together, about the world's origin.
-    pub(super) fn total_inertia(&self, q: &[f64]) -> Inertia {
+    fn total_inertia(&self, q: &[f64]) -> Inertia {
         self.outwards(q, None).map(|body| body.world.inertia(body.joint.inertia())).fold(Inertia::NONE, Inertia::add)
     }
 
-    pub(super) fn body(&self, q: &[f64], qd: Option<&[f64]>, body: usize) -> Result<Moving<'_>> {
+    fn body(&self, q: &[f64], qd: Option<&[f64]>, body: usize) -> Result<Moving<'_>> {
         self.outwards(q, qd).nth(body).ok_or_else(|| self.no_such_body("body", body))
     }
 
@@ -191,7 +191,7 @@ impl Chain {
     }
 }
 
-pub(super) fn all_finite(name: &str, values: &[f64]) -> Result<()> {
+fn all_finite(name: &str, values: &[f64]) -> Result<()> {
     values.iter().enumerate().try_for_each(|(i, &value)| finite(|| format!("{name}[{i}]"), value))
 }
 

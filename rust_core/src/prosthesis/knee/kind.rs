@@ -24,12 +24,12 @@ pub enum DeviceKind {
 }
 
 impl DeviceKind {
-    /// Name of the environment whose leg has the unit.
-    pub fn environment(self) -> &'static str {
+    /// Id of the Gymnasium environment whose leg has the unit.
+    pub fn env_id(self) -> &'static str {
         match self {
-            Self::Damper => "DamperKnee-v0",
-            Self::Motor => "MotorKnee-v0",
-            Self::Friction => "FrictionKnee-v0",
+            Self::Damper => "prosthesis_gym/DamperKnee-v0",
+            Self::Motor => "prosthesis_gym/MotorKnee-v0",
+            Self::Friction => "prosthesis_gym/FrictionKnee-v0",
         }
     }
 
